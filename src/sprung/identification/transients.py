@@ -248,9 +248,10 @@ def _is_steady(recording: Recording, frequency: float) -> bool:
     turned = centred * np.exp(-2j * np.pi * frequency * times)
     n_parts = int(np.clip(recording.duration * frequency / _EVENTS.periods, 3, _EVENTS.parts))
     parts = np.array_split(turned, n_parts, axis=1)
+    windows = {n: np.hanning(n) for n in {turned.shape[1], *(part.shape[1] for part in parts)}}
+    sums = {n: window.sum() for n, window in windows.items()}
     amplitudes, whole = (
-        np.abs([part @ np.hanning(part.shape[1]) / np.hanning(part.shape[1]).sum() for part in each])
-        for each in (parts, [turned])
+        np.abs([part @ windows[part.shape[1]] / sums[part.shape[1]] for part in each]) for each in (parts, [turned])
     )
     medians = np.median(amplitudes, axis=0)
     channel = int(np.argmax(medians))

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -685,9 +686,8 @@ def _smooth(envelope: Complex, shortest: float) -> Complex:
     means = [np.broadcast_to(envelope.mean(axis=1, keepdims=True), envelope.shape)]
     length = n_blocks / 2
     while length >= max(shortest, 2.0):
-        half = int(length)
-        kernel = np.sin(np.pi * np.arange(1, 2 * half) / (2 * half)) ** 2
-        means.append(_convolved(envelope, kernel) / _convolved(np.ones((1, n_blocks)), kernel).real)
+        transformed, sums = _hann(n_blocks, int(length))
+        means.append(_convolved(envelope, transformed, int(length)) / sums)
         length /= 2
     chosen = means[-1].copy()
     is_valid = np.ones(n_blocks, dtype=np.bool_)
@@ -700,9 +700,15 @@ def _smooth(envelope: Complex, shortest: float) -> Complex:
     return chosen
 
 
-def _convolved(rows: Complex | Real, kernel: Real) -> Complex:
-    """Return the convolution of rows with a symmetric kernel, as long as the rows."""
-    half = (kernel.size - 1) // 2
-    n_fft = int(fft.next_fast_len(rows.shape[1] + kernel.size - 1))
-    full = fft.ifft(fft.fft(rows, n_fft) * fft.fft(kernel, n_fft))
-    return full[:, half : half + rows.shape[1]]
+@lru_cache(maxsize=32)
+def _hann(n_blocks: int, half: int) -> tuple[Complex, Real]:
+    """Return the transform of a Hann window of 2 `half` blocks, and its sums over what there is of `n_blocks`."""
+    window = np.sin(np.pi * np.arange(1, 2 * half) / (2 * half)) ** 2
+    transformed = fft.fft(window, int(fft.next_fast_len(n_blocks + window.size - 1)))
+    return transformed, _convolved(np.ones((1, n_blocks)), transformed, half).real
+
+
+def _convolved(rows: Complex | Real, transformed: Complex, half: int) -> Complex:
+    """Return the convolution of rows with a window of 2 `half` - 1 values, as long as the rows."""
+    full = fft.ifft(fft.fft(rows, transformed.size) * transformed)
+    return full[:, half - 1 : half - 1 + rows.shape[1]]
