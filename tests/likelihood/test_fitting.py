@@ -45,15 +45,10 @@ def contrast_std(fit):
     return np.sqrt(np.einsum("s,t,asuatu->au", sides, sides, covariance))
 
 
-@pytest.fixture(scope="module")
-def fits(car):
-    """Linear drives of ten minutes and their fits."""
-    drives = [drive(car, seed=seed) for seed in range(12)]
-    return [(fit_corners(one.recording, car), one.truth) for one in drives]
-
-
 @pytest.mark.slow
-def test_linear_drives_give_all_twelve_components(fits) -> None:
+def test_linear_drives_give_all_twelve_components_and_body_modes(car) -> None:
+    drives = [drive(car, seed=seed) for seed in range(8)]
+    fits = [(fit_corners(one.recording, car), one.truth) for one in drives]
     found = np.array([errors(fit, truth) for fit, truth in fits])
     assert np.abs(found.mean(axis=0)).max() < 0.03
     assert found.std(axis=0).max() < 0.04
@@ -67,10 +62,6 @@ def test_linear_drives_give_all_twelve_components(fits) -> None:
     assert 0.5 < scores.std() < 1.2
     assert np.median([fit.model_error for fit, _ in fits]) < 0.03
     assert not any("than chance allows" in note for fit, _ in fits for note in fit.notes)
-
-
-@pytest.mark.slow
-def test_body_modes_come_out_with_their_uncertainty(fits) -> None:
     for fit, truth in fits[:4]:
         modes = fit.modes()
         assert modes.labels[:3] == ("bounce", "pitch", "roll")
@@ -146,7 +137,6 @@ def test_a_wrong_sign_of_the_pitch_rate_shows_as_a_misfit(car) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("fault", ["front_left.spring=0.5", "rear_left.spring=-0.75"])
 @pytest.mark.parametrize(
     ("name", "kind", "settings", "bound"),
     [
@@ -155,9 +145,9 @@ def test_a_wrong_sign_of_the_pitch_rate_shows_as_a_misfit(car) -> None:
         ("y25", RailDrive, {"duration": 300.0, "seed": 4}, 0.08),
     ],
 )
-def test_springs_of_bogies_on_rigs_and_on_a_track(name, kind, settings, bound, fault) -> None:
-    bogie = read_vehicle(name)
-    one = drive(bogie, kind=kind, n_stops=0, faults=(parse_fault(fault),), **settings)
+def test_springs_of_bogies_on_rigs_and_on_a_track(name, kind, settings, bound) -> None:
+    bogie, faults = read_vehicle(name), ("front_left.spring=0.5", "rear_left.spring=-0.75")
+    one = drive(bogie, kind=kind, n_stops=0, faults=tuple(map(parse_fault, faults)), **settings)
     fit = fit_corners(one.recording, bogie, settings=CornerSettings(kind="rail" if kind is RailDrive else "rig"))
     springs = [k for k, component in enumerate(fit.components) if component.kind == "spring"]
     assert np.abs(errors(fit, one.truth)[springs]).max() < bound
@@ -216,14 +206,15 @@ def test_an_unknown_part_gives_a_model_error_and_contrasts_stay_usable(car, part
     else:
         axles = tuple(one.model_copy(update={"anti_roll_stiffness": 20e3}) for one in car.axle)
         real = car.model_copy(update={"axle": axles})
-    before = fit_corners(drive(real, seed=1).recording, car)
+    run = drive(real, seed=1).recording
+    before = fit_corners(run, car)
     after = fit_corners(drive(real, seed=2, faults=(parse_fault("front_left.spring=-0.2"),)).recording, car)
     assert before.model_error > 0.1
     assert any("than chance allows" in note for note in before.notes)
     change = after.log_ratios - before.log_ratios
     assert np.argmax(np.abs(change)) == 0
     assert change[0] == pytest.approx(np.log(0.8), abs=0.1)
-    known = fit_corners(drive(real, seed=1).recording, real)
+    known = fit_corners(run, real)
     assert known.model_error < before.model_error / 2
     assert contrast_std(known)[0, 0] < contrast_std(before)[0, 0]
 
@@ -344,23 +335,10 @@ def test_what_other_windows_showed_saves_a_search_and_hides_no_broken_spring(car
         assert (started.log_ratios[0] - healthy.log_ratios[0] < np.log(0.5)) == bool(faults)
 
 
-SOFT = (parse_fault("front_left.spring=-0.2"),)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "conditions",
-    [
-        {},
-        {"faults": SOFT},
-        {"payload": Payload(250.0, -0.8, 0.1)},
-        {"suspension": REALISTIC_SUSPENSION},
-        {"suspension": REALISTIC_SUSPENSION, "faults": SOFT, "payload": Payload(150.0, -0.5, 0.0)},
-    ],
-    ids=["linear", "soft spring", "payload", "friction", "all three"],
-)
-def test_a_window_of_a_known_vehicle_is_searched_faster_to_the_same_parts(car, monkeypatch, conditions) -> None:
-    """Parts within a twentieth of their deviations, with fewer likelihoods computed."""
+@pytest.mark.parametrize("suspension", [None, REALISTIC_SUSPENSION], ids=["linear", "friction"])
+def test_a_window_of_a_known_vehicle_is_searched_faster_to_the_same_parts(car, monkeypatch, suspension) -> None:
+    """Parts within a twentieth of their deviations, with fewer likelihoods; with friction, of a changed car."""
     computed = [0]
     objective = Model.objective
 
@@ -369,10 +347,11 @@ def test_a_window_of_a_known_vehicle_is_searched_faster_to_the_same_parts(car, m
         return objective(model, parameters)
 
     monkeypatch.setattr(Model, "objective", counted)
-    healthy = {name: value for name, value in conditions.items() if name == "suspension"}
+    healthy = {} if suspension is None else {"suspension": suspension}
     before = fit_corners(drive(car, 1, **healthy).recording, car)
     known = Expected(dict(zip(before.components, before.log_ratios, strict=True)), before.model_error)
-    recording = drive(car, 2, **conditions).recording
+    changed = {"faults": (parse_fault("front_left.spring=-0.2"),), "payload": Payload(150.0, -0.5, 0.0)}
+    recording = drive(car, 2, **healthy, **(changed if healthy else {})).recording
     fits = []
     for expected in (None, known):
         computed.append(0)

@@ -106,9 +106,16 @@ def drive(bogie, seed, minutes=4.0, **track):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("pitch", [12.5, 18.0, 25.0, None])
-def test_the_distance_of_the_joints_is_found(bogie, pitch) -> None:
+def test_the_distance_of_the_joints_is_found_and_the_springs_are_right(bogie, pitch) -> None:
+    """Model error 57 % and springs to 11 % without lines of joints in the model."""
     track = {"joints": Joints(rail_length=pitch)} if pitch else {"welded": True}
     fit = fit_corners(drive(bogie, 1, **track), bogie)
+    assert fit.model_error < 0.1
+    springs = [row for row, component in enumerate(fit.components) if component.kind == "spring"]
+    assert np.all(fit.log_ratios_std[springs] < 0.03)
+    assert np.all(np.abs(fit.log_ratios[springs]) < 4 * fit.log_ratios_std[springs])
+    assert any("rail joints every" in note for note in fit.notes) == bool(pitch)
+    assert not any(component.kind == "tyre" for component in fit.components)
     found = [block.pitch for block in fit.model.blocks if isinstance(block, RailInputs)]
     assert found == [np.inf if pitch is None else pytest.approx(pitch, rel=0.01)]
 
@@ -136,8 +143,6 @@ def test_impacts_without_a_distance_are_explained(bogie, track) -> None:
     ("joints", "found"),
     [
         (Joints(18.0, side="right"), (18.0, None)),
-        (Joints(25.0, side="left"), (25.0, None)),
-        (Joints(18.0, stagger=9.0), (18.0, 0.5)),
         (Joints(25.0, stagger=12.5), (25.0, 0.5)),
         (Joints(18.0, stagger=5.4), (18.0, 0.3)),
     ],
@@ -174,18 +179,6 @@ def test_no_multiple_of_the_distance_is_found(coach) -> None:
     fit = fit_corners(simulate_drive(coach, settings, seed=1).recording, coach)
     assert any("rail joints every 18.0 m" in note for note in fit.notes)
     assert fit.model_error < 0.15
-
-
-@pytest.mark.slow
-def test_a_jointed_track_is_explained_and_the_springs_are_right(bogie) -> None:
-    """Model error 57 % and springs to 11 % without lines of joints in the model."""
-    fit = fit_corners(drive(bogie, 2, minutes=10.0), bogie)
-    assert fit.model_error < 0.1
-    springs = [row for row, component in enumerate(fit.components) if component.kind == "spring"]
-    assert np.all(fit.log_ratios_std[springs] < 0.03)
-    assert np.all(np.abs(fit.log_ratios[springs]) < 4 * fit.log_ratios_std[springs])
-    assert any("rail joints every 18.0 m" in note for note in fit.notes)
-    assert not any(component.kind == "tyre" for component in fit.components)
 
 
 @pytest.mark.slow
