@@ -190,7 +190,7 @@ class Baseline(Tabular, Savable):
     def doubt(self) -> Real:
         """Covariance of `mean` about the vehicle's own one, shape (components, components)."""
         size = len(self.components)
-        return np.asarray(_inverse_information(self)[:size, :size], dtype=np.float64)
+        return np.asarray(_doubts(self)[0][:size, :size], dtype=np.float64)
 
     @property
     def expected(self) -> Expected:
@@ -324,14 +324,18 @@ class Baseline(Tabular, Savable):
         """
         is_own = self.n_windows > 0 and self.version > 0
         share = (1 - correlation * (1 - 2 / self.n_windows)) / (1 + correlation) if is_own else 1.0
-        beyond = slope_covariances(self.components, self.model_error)
-        return np.asarray(block_diag(_inverse_information(self) / share, *beyond), dtype=np.float64)
+        of_windows, beyond = _doubts(self)
+        return np.asarray(of_windows / share + beyond, dtype=np.float64)
 
 
 @lru_cache(maxsize=16)
-def _inverse_information(baseline: Baseline) -> Real:
-    """Return the covariance of mean and slopes, shape as `Baseline.information`."""
-    return frozen_array("information", np.linalg.inv(baseline.information), ndim=2)
+def _doubts(baseline: Baseline) -> tuple[Real, Real]:
+    """Return the covariance of mean and slopes, and that of the changes of these: two parts of one matrix."""
+    inverse = np.linalg.inv(baseline.information)
+    beyond = slope_covariances(baseline.components, baseline.model_error)
+    of_windows = block_diag(inverse, *(0 * each for each in beyond))
+    of_changes = block_diag(0 * inverse, *beyond)
+    return frozen_array("of_windows", of_windows, ndim=2), frozen_array("of_changes", of_changes, ndim=2)
 
 
 @lru_cache(maxsize=16)

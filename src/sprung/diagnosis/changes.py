@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.special import logsumexp
 
 from sprung._arrays import Real
 from sprung._checks import check_number
@@ -298,18 +297,17 @@ class ChangeDetector:
     def _candidates(self, table: Ratios) -> tuple[Candidate, ...]:
         """Return the candidates, the most probable first."""
         values = self._hypotheses.values
-        order = np.argsort(-(logsumexp(table.logs, axis=0) + self._hypotheses.log_prior)).tolist()
+        order = np.argsort(-(np.logaddexp.reduce(table.logs, axis=0) + self._hypotheses.log_prior)).tolist()
         unlikely = [row for row in order if values[row].scope == "pair"][CANDIDATES.max_pairs :]
-        return tuple(self._candidate(table, row) for row in order if row not in unlikely)
-
-    def _candidate(self, table: Ratios, row: int) -> Candidate:
-        """Return the candidate of a hypothesis."""
-        hypothesis, logs = self._hypotheses.values[row], table.logs[:, row]
         times = np.array([window.time for window in self._compared])
         model_error = float(np.median([window.model_error for window in self._compared]))
+        return tuple(self._candidate(table, row, times, model_error) for row in order if row not in unlikely)
+
+    def _candidate(self, table: Ratios, row: int, times: Real, model_error: float) -> Candidate:
+        """Return the candidate of a hypothesis."""
+        hypothesis, logs = self._hypotheses.values[row], table.logs[:, row]
         best = int(np.argmax(logs))
-        sizes, covariances = table.sizes(row, hypothesis.directions(self.baseline.components))
-        stds = np.sqrt(np.diagonal(covariances[best]))
+        sizes, covariance = table.sizes(best, row, hypothesis.directions(self.baseline.components))
         # The onset may lie anywhere after the start of the window before.
         total = np.logaddexp.reduce(logs)
         first, last = np.searchsorted(np.cumsum(np.exp(logs - total)), [0.025, 0.975])
@@ -319,7 +317,7 @@ class ChangeDetector:
             float(table.explained[best, row]),
             tuple(
                 size_of(change.component, float(size), float(std), model_error)
-                for change, size, std in zip(hypothesis.changes, sizes[best], stds, strict=True)
+                for change, size, std in zip(hypothesis.changes, sizes, np.sqrt(np.diagonal(covariance)), strict=True)
             ),
             float(times[best]),
             (float(times[max(min(first, len(times) - 1) - 1, 0)]), float(times[min(last, len(times) - 1)])),

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import logsumexp, ndtri
+from scipy.special import ndtri
 
 from sprung._arrays import Real
 from sprung._checks import check_number, check_type
@@ -112,7 +112,7 @@ class _Terms:
     def evidence(self, squares: Real) -> tuple[Real, Real]:
         """Return ln of the sum of the terms, and its derivative by the squares, each of shape (components, 1)."""
         logs = self.logs(squares)
-        evidence = logsumexp(logs, axis=1, keepdims=True)
+        evidence = np.logaddexp.reduce(logs, axis=1, keepdims=True)
         rest = self.unexplained + squares * self.known
         left = rest - squares * self.gain - self.chance
         slopes = self.half * (self.known / rest - (self.known - self.gain) / left)

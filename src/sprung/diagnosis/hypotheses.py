@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
 
 from sprung._arrays import Real
+from sprung._checks import frozen_array
 from sprung.vehicles import Component
 
 
@@ -102,6 +104,7 @@ def typical_sizes(components: tuple[Component, ...]) -> Real:
     return np.where(bars, PRIORS.size_of_bars / PRIORS.size, 1.0)
 
 
+@lru_cache(maxsize=16)
 def hypotheses_of(components: tuple[Component, ...]) -> tuple[Hypothesis, ...]:
     """Return all hypotheses: single components, both of an axle, all of a kind, an unmodelled change, and pairs."""
     sided = [component for component in components if component.side]
@@ -116,13 +119,15 @@ def hypotheses_of(components: tuple[Component, ...]) -> tuple[Hypothesis, ...]:
     )
 
 
+@lru_cache(maxsize=16)
 def typical_directions(components: tuple[Component, ...]) -> Real:
     """Return the directions of hypotheses with one size, as large as is typical, shape (hypotheses, components).
 
     These are the first ones of `hypotheses_of`.
     """
     rows = [each.direction(components) for each in hypotheses_of(components) if len(each.changes) == 1]
-    return np.array(rows).reshape(-1, len(components)) * typical_sizes(components)
+    sizes = np.array(rows).reshape(-1, len(components)) * typical_sizes(components)
+    return frozen_array("directions", sizes, ndim=2)
 
 
 def log_prior(hypotheses: Sequence[Hypothesis]) -> Real:

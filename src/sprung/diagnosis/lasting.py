@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaln, logsumexp
+from scipy.special import gammaln
 
 from sprung._arrays import Real
 from sprung.diagnosis.baseline import Baseline
@@ -68,8 +68,9 @@ def lasting_evidence(windows: Sequence[Compared], baseline: Baseline, hypotheses
         ratios = np.array([first.log_ratios(alike), alone.own_log_ratios(own)])
         with_change.append((known[:, column, None] + likelihoods)[..., None] + ratios)
         without.append(counted[:, column, None] + likelihoods)
-    each = logsumexp(with_change, axis=(0, 1)) - logsumexp(without, axis=(0, 1))[:, None]
-    return float(logsumexp(each + (prior - logsumexp(prior))[:, None]) - np.log1p(1 / LASTING.caution))
+    total = np.logaddexp.reduce
+    each = total(with_change, axis=(0, 1)) - total(without, axis=(0, 1))[:, None]
+    return float(total(each + (prior - total(prior))[:, None], axis=(0, 1)) - np.log1p(1 / LASTING.caution))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -229,17 +230,15 @@ class _Series:
         weights = (degrees / rest) @ scales.groups
         known = (self.moved**2 * weights) @ self.informations + prior
         centre, std = (self.moved * weights) @ self.scores / known, _SPREAD / np.sqrt(known)
-        logs = np.empty((len(_NODES), *known.shape))
-        for row, moved in enumerate(self.moved):
-            sizes = centre[row] + std[row] * _NODES[:, None]
-            at = np.abs(moved) > 1e-9 * np.abs(moved).max()
-            within = scales.groups[:, at] * moved[at] / rest[:, None]
-            twice, squared = within @ self.scores[at] * 2, within * moved[at] @ self.informations[at]
-            touched = np.any(within != 0, axis=1)
-            explained = sizes * (twice[touched][:, None] - sizes * squared[touched][:, None])
-            logs[:, row] = -np.tensordot(degrees[touched], np.log1p(-explained), 1) / 2 - sizes**2 * prior / 2
-        nodes = np.log(_WEIGHTS) + _NODES**2 / 2
-        every = logsumexp(logs + nodes[:, None, None], axis=0) + np.log(std) + np.log(prior / (2 * np.pi)) / 2
+        sizes = centre + std * _NODES[:, None, None]
+        logs = (np.log(_WEIGHTS) + _NODES**2 / 2)[:, None, None] - sizes**2 * prior / 2
+        moved = np.where(np.abs(self.moved) > 1e-9 * np.abs(self.moved).max(axis=1, keepdims=True), self.moved, 0.0)
+        for group, squares, degree in zip(scales.groups, rest, degrees, strict=True):
+            touched = np.any(moved * group, axis=1)
+            own, of_group = sizes[:, touched], moved[touched] * group
+            twice, squared = of_group @ self.scores * 2 / squares, of_group**2 @ self.informations / squares
+            logs[:, touched] -= degree / 2 * np.log1p(own * (own * squared - twice))
+        every = np.logaddexp.reduce(logs, axis=0) + np.log(std) + np.log(prior / (2 * np.pi)) / 2
         return np.asarray(every, dtype=np.float64)
 
 

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
-from scipy.special import logsumexp
 
 from sprung._arrays import Indices, Real
 from sprung.diagnosis.baseline import Baseline
@@ -134,6 +134,7 @@ class Hypotheses:
         return Hypotheses(self.values[:count], self.log_prior[:count], self.directions, self.typical, self.pairs[:, :0])
 
     @classmethod
+    @lru_cache(maxsize=16)
     def of(cls, components: tuple[Component, ...]) -> "Hypotheses":
         """Return the hypotheses about components."""
         values = hypotheses_of(components)
@@ -164,25 +165,24 @@ class Ratios:
     explained: Real
     scores: Scores
 
-    def sizes(self, column: int, directions: Real) -> tuple[Real, Real]:
-        """Return sizes of maximum likelihood for every onset, and their covariances.
+    def sizes(self, onset: int, column: int, directions: Real) -> tuple[Real, Real]:
+        """Return sizes of maximum likelihood, and their covariance.
 
         Parameters
         ----------
-        column
-            Hypothesis.
+        onset, column
+            Window from which on there is a change, and hypothesis.
         directions
             Direction of each of its sizes, shape (sizes, components).
 
         Returns
         -------
         tuple
-            Sizes [ln], shape (windows, sizes), and covariances, shape (windows, sizes, sizes).
+            Sizes [ln], shape (sizes,), and covariance, shape (sizes, sizes).
         """
-        inverse = np.linalg.inv(directions @ self.scores.information @ directions.T)
-        sizes = np.einsum("wab,wb->wa", inverse, self.scores.score @ directions.T)
-        variance = (self.scores.rest - self.explained[:, column]) / self.scores.degrees
-        return sizes, inverse * variance[:, None, None]
+        inverse = np.linalg.inv(directions @ self.scores.information[onset] @ directions.T)
+        variance = (self.scores.rest - self.explained[onset, column]) / self.scores.degrees
+        return inverse @ (directions @ self.scores.score[onset]), inverse * variance
 
 
 def scores_of(windows: Sequence[Compared], start: Real, degrees: float) -> Scores:
@@ -325,4 +325,4 @@ def dimensions_of(information: Real, hypotheses: Hypotheses) -> Real:
 
 def evidence_of(ratios: Ratios, hypotheses: Hypotheses) -> float:
     """Return ln of the e-detector: the sum over onsets of the mean over hypotheses."""
-    return float(logsumexp(ratios.logs + hypotheses.log_prior))
+    return float(np.logaddexp.reduce(ratios.logs + hypotheses.log_prior, axis=(0, 1)))

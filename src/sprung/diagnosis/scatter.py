@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import gammaln, logsumexp, stdtrit
+from scipy.special import gammaln, stdtrit
 
 from sprung._arrays import Real
 from sprung._checks import frozen_array
@@ -389,7 +389,7 @@ def own_scatter(deviations: Deviations, rows: Real, n_pairs: int) -> tuple[Real,
         scaled = f * common * np.exp(nodes)
         each = gammaln((f + m) / 2) - gammaln(f / 2) + f / 2 * np.log(scaled)
         each = np.sum(each - (f + m) / 2 * np.log(scaled + rest[:n_pairs]), axis=-1)
-        logs.append(logsumexp(each, axis=1) + np.log(np.ptp(nodes, axis=1)[:, 0]) - volume / 2)
+        logs.append(np.logaddexp.reduce(each, axis=1) + np.log(np.ptp(nodes, axis=1)[:, 0]) - volume / 2)
     likelihoods = np.array(logs).T
     weights = LASTING.prior * np.exp(likelihoods - likelihoods.max())
     return weights / np.sum(weights), np.array(squares), np.full(len(rows), float(m))
@@ -405,7 +405,7 @@ def pooled(weights: Iterable[Real]) -> Real:
     """
     logs = np.log(LASTING.prior)
     logs = logs + np.sum([np.log(np.maximum(own, np.finfo(float).tiny)) - logs for own in weights], axis=0)
-    return np.asarray(np.exp(logs - logsumexp(logs)), dtype=np.float64)
+    return np.asarray(np.exp(logs - np.logaddexp.reduce(logs, axis=None)), dtype=np.float64)
 
 
 def whitened(rows: Real, correlation: float) -> Real:
