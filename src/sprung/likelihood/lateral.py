@@ -39,7 +39,7 @@ from sprung.vehicles.lateral import (
     lateral_components,
     lateral_modes,
     lateral_outputs,
-    lateral_system,
+    lateral_systems,
     with_lateral,
     with_load,
 )
@@ -131,12 +131,8 @@ class LateralModel:
         return TYPICAL_NOISE[2] ** 2 * np.exp(parameters[-len(self.outputs.channels) :])
 
     def _systems(self, parameters: Real) -> list[MechanicalSystem]:
-        """Return the lateral motion at the speed of each class; its damping is A + B / V + C V, all else constant."""
-        vehicle, known = self.changed(parameters), np.array([10.0, 20.0, 40.0])
-        systems = [lateral_system(vehicle, speed=speed) for speed in known.tolist()]
-        rows = [np.stack([speeds**0, 1 / speeds, speeds], axis=1) for speeds in (self.spectra.speeds, known)]
-        dampings = np.tensordot(rows[0] @ np.linalg.inv(rows[1]), [system.damping for system in systems], axes=1)
-        return [replace(systems[0], damping=damping) for damping in dampings]
+        """Return the lateral motion at the speed of each class."""
+        return list(map(lateral_systems(self.changed(parameters)), self.spectra.speeds.tolist()))
 
     def _responses(self, parameters: Real) -> Iterator[tuple[Complex, list["_Input"]]]:
         """Yield the readings for unit forces and the responses to both irregularities of each class."""

@@ -1,7 +1,7 @@
 """Lateral motion of a rail vehicle on bogies: sway, roll and yaw of its parts, with linear creep of its wheels."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -79,10 +79,11 @@ def lateral_system(vehicle: Vehicle, *, speed: float) -> MechanicalSystem:
     rails = [2 * bogie.contact_half_spacing**2 * bogie.contact_stiffness for bogie in vehicle.bogie for _ in range(2)]
     stiffness += (tilts * rails) @ tilts.T
     mass = np.zeros(len(coordinates))
-    for _, _, rows, k, c in springs_across(vehicle):
-        row = np.array([rows.get(name, 0.0) for name in coordinates])
-        stiffness += k * np.outer(row, row)
-        damping += c * np.outer(row, row)
+    springs = list(springs_across(vehicle))
+    rows = np.array([[row.get(name, 0.0) for name in coordinates] for _, _, row, _, _ in springs])
+    k, c = np.array([values for _, _, _, *values in springs]).T
+    stiffness += rows.T * k @ rows
+    damping += rows.T * c @ rows
     body = vehicle.body
     mass[:3] = body.mass, vehicle.inertias[1], body.yaw_inertia or vehicle.inertias[0]
     for number, (bogie, lateral) in enumerate(_tables(vehicle), start=1):
@@ -94,6 +95,21 @@ def lateral_system(vehicle: Vehicle, *, speed: float) -> MechanicalSystem:
     inputs = tuple(f"{kind}_wheelset{number}" for kind in ("alignment", "cross_level") for number in wheelsets)
     forces = np.hstack([aside, tilts * rails])
     return MechanicalSystem(np.diag(mass), damping, stiffness, forces, coordinates, inputs)
+
+
+def lateral_systems(vehicle: Vehicle) -> Callable[[float], MechanicalSystem]:
+    """Return the lateral motion as a function of the speed [m/s]: its damping is A + B / V + C V, all else constant.
+
+    Raises
+    ------
+    ParameterError
+        As raised by `lateral_system`.
+    """
+    known = (10.0, 20.0, 40.0)
+    systems = [lateral_system(vehicle, speed=speed) for speed in known]
+    shares = np.linalg.inv([[1.0, 1 / speed, speed] for speed in known])
+    parts = np.tensordot(shares, [system.damping for system in systems], axes=1)
+    return lambda speed: replace(systems[0], damping=parts[0] + parts[1] / speed + parts[2] * speed)
 
 
 def rolling_on_rails(vehicle: Vehicle, coordinates: Sequence[str], *, speed: float) -> tuple[Real, Real, Real, Real]:
@@ -203,9 +219,10 @@ def critical_speed(vehicle: Vehicle, *, highest: float = 200.0) -> float | None:
     The linear critical speed: the first of the speeds, in steps of 1 m/s from 1 m/s, at which an eigenvalue has a real
     part above 0, refined by bisection. With worn profiles a vehicle may hunt with large amplitudes below it.
     """
+    at = lateral_systems(vehicle)
 
     def growth(speed: float) -> float:
-        return float(np.linalg.eigvals(lateral_system(vehicle, speed=speed).state_matrix()).real.max())
+        return float(np.linalg.eigvals(at(speed).state_matrix()).real.max())
 
     unstable = next((speed for speed in np.arange(1.0, highest + 1.0) if growth(speed) > 0), None)
     if unstable is None:
