@@ -19,8 +19,8 @@ from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain
 
 IN_BAND = (0.5, 50.0)
-#: Sets of records; the fast tests take the first.
-SEEDS = (0, *(pytest.param(number, marks=pytest.mark.slow) for number in (1, 2)))
+#: Sets of records.
+SEEDS = (0, 1)
 
 
 @functools.lru_cache(maxsize=2)
@@ -52,16 +52,16 @@ def test_twenty_periods_of_eight_masses_show_their_first_mode() -> None:
     assert shown >= 9
 
 
-@pytest.mark.parametrize("lifter", [None, ShortPass(0.25)])
 @pytest.mark.parametrize("case", [0, *(pytest.param(case, marks=pytest.mark.slow) for case in (1, 2, 3))])
-def test_the_random_level_of_the_wheel_does_not_hide_the_body(vehicle, case, lifter) -> None:
-    """One minute each of random motion, with pulses, and with sines: the body was lost in 12 of 24 records."""
+def test_the_random_level_of_the_wheel_does_not_hide_the_body(vehicle, case) -> None:
+    """One minute each of random motion, with pulses, and with sines: the body was lost in half of such records."""
     wheel = vehicle("quarter")
     exact = wheel.modes().natural_frequency
-    for seed in range(6):
+    for seed in range(3):
         record = simulate(wheel, QUARTER_CASES[case], duration=60.0, sampling_rate=250.0, seed=seed)
-        found = cov_ssi(record, settings=IdentificationSettings(lifter=lifter)).modes.natural_frequency
-        np.testing.assert_allclose(found, exact, rtol=0.04)
+        for lifter in (None, ShortPass(0.25)):
+            found = cov_ssi(record, settings=IdentificationSettings(lifter=lifter)).modes.natural_frequency
+            np.testing.assert_allclose(found, exact, rtol=0.04)
 
 
 # The published chain
@@ -80,10 +80,7 @@ def test_twenty_records_with_white_noise_give_exactly_the_three_modes(seeds, snr
     np.testing.assert_allclose(found.modes.damping_ratio, TRUTH.damping_ratio, rtol=0.25 if method == "fdd" else 0.15)
     assert np.diag(mac(found.modes.mode_shapes, TRUTH.mode_shapes)).min() > 0.99
     assert found.harmonics == ()
-    # Classes of level are 5 % wide. At SNR 0.5 few occur, and of seeds=2 the highest range would have 19.7 % of the
-    # products: 7.9 of 40 segments, of which a subset needs 8.
-    n_ranges = 2 if (seeds, snr) == (2, 0.5) else 3
-    assert len(found.subsets) == (n_ranges if method == "coss" else 1)
+    assert len(found.subsets) == (3 if method == "coss" else 1)
 
 
 @pytest.mark.slow
