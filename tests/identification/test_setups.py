@@ -124,27 +124,17 @@ def check_modes(identification, building, plan, *, likeness=0.95):
     assert np.diag(mac(modes.mode_shapes, true)).min() > likeness
 
 
-@pytest.fixture(scope="module")
-def distinct():
-    """The frame, its plan, and its modes from set-ups whose points have names of their own."""
-    building, plan, records = setup_records(names="distinct")
-    return building, plan, cov_ssi(records)
-
-
 @pytest.mark.slow
-def test_eleven_of_eleven_modes_of_a_frame_in_fifteen_set_ups(distinct) -> None:
-    building, plan, identification = distinct
+def test_eleven_of_eleven_modes_of_a_frame_in_fifteen_set_ups() -> None:
+    """Points have names of their own; deviations of the glued shapes are their scatter."""
+    building, plan, records = setup_records(names="distinct")
+    identification = cov_ssi(records)
     check_modes(identification, building, plan)
     setups = setups_of(identification)
     assert setups.references == ("p24", "p29")
     assert [part.channels for part in setups.parts] == [tuple(f"p{k}" for k in sensors) for sensors in plan]
     assert identification.subsets == ()
     assert identification.notes[0].startswith("15 set-ups over references p24, p29")
-
-
-@pytest.mark.slow
-def test_deviations_of_glued_shapes_are_their_scatter(distinct) -> None:
-    building, plan, identification = distinct
     shapes, std = identification.modes.mode_shapes, identification.modes.mode_shape_std
     points = list(dict.fromkeys(sensor for sensors in plan for sensor in sensors))
     true = building.sensed[points].T
@@ -156,8 +146,8 @@ def test_deviations_of_glued_shapes_are_their_scatter(distinct) -> None:
 
 @pytest.mark.slow
 def test_names_that_repeat_need_references() -> None:
-    building, plan, records = setup_records(names="same", n_setups=5)
-    with pytest.raises(ParameterError, match="the 5 set-ups have the same channels"):
+    building, plan, records = setup_records(names="same", n_setups=3)
+    with pytest.raises(ParameterError, match="the 3 set-ups have the same channels"):
         identify_setups(cov_ssi, records)
     check_modes(identify_setups(cov_ssi, records, references=("ref_1", "ref_2")), building, plan)
 
@@ -183,7 +173,7 @@ def test_parts_of_one_record_give_no_note(noise) -> None:
 
 @pytest.mark.slow
 def test_positions_tell_set_ups_apart() -> None:
-    building, plan, records = setup_records(names="places", n_setups=6)
+    building, plan, records = setup_records(names="places", n_setups=3)
     identification = cov_ssi(records)
     points = list(dict.fromkeys(sensor for sensors in plan for sensor in sensors))
     assert [channel.position for channel in identification.channels] == [building.places[k][0] for k in points]
@@ -192,14 +182,14 @@ def test_positions_tell_set_ups_apart() -> None:
 
 
 @pytest.mark.slow
-def test_a_mode_that_one_set_up_lacks_is_fitted_there() -> None:
+def test_a_mode_that_one_set_up_lacks_is_fitted_there(fits_once) -> None:
     building, plan, records = setup_records(names="distinct", n_setups=4, duration=240.0)
-    whole = cov_ssi(records)
+    whole = identify_setups(fits_once["cov"], records)
     narrow = IdentificationSettings(band=(4.0, 14.0))
 
     def identify(record, *, settings=None, vehicle=None, on_progress=None):
         is_second = record.names == records[1].names
-        return cov_ssi(record, settings=narrow if is_second else settings)
+        return fits_once["cov"](record, settings=narrow if is_second else settings, vehicle=vehicle)
 
     identification = identify_setups(identify, records)
     members = setups_of(identification).parts[1].members
