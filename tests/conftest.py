@@ -177,11 +177,16 @@ def conforms(request: pytest.FixtureRequest) -> Conforms:
 
 
 def once(function: Callable[..., Value]) -> Callable[..., Value]:
-    """Return the function, computed once for arguments of equal content; for results that nobody can change."""
+    """Return the function, computed once for arguments of equal content; for results that nobody can change.
+
+    Iterators are read to their end, and nobody is told of progress.
+    """
     results: dict[bytes, Value] = {}
 
     @wraps(function)
     def look_up(*arguments: object, **options: object) -> Value:
+        arguments = tuple(list(each) if isinstance(each, Iterator) else each for each in arguments)
+        options.pop("on_progress", None)
         content = io.BytesIO()
         pickler = pickle.Pickler(content)
         pickler.fast = True  # equal values give equal bytes, whether or not they are one object
@@ -198,9 +203,11 @@ def once(function: Callable[..., Value]) -> Callable[..., Value]:
 def fits_once() -> Mapping[str, Callable[..., Any]]:
     """Fits of windows and identifications that are computed once, for tests of what is done with them."""
     from sprung.diagnosis import observe_window
+    from sprung.diagnosis.observation import fit_drive
     from sprung.identification import METHODS
 
-    return {"observe_window": once(observe_window)} | {name: once(METHODS[name]) for name in METHODS}
+    fits = {each.__name__: once(each) for each in (observe_window, fit_drive)}
+    return fits | {name: once(METHODS[name]) for name in METHODS}
 
 
 class MemoryBelow(Protocol):

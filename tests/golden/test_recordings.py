@@ -6,7 +6,17 @@ from tests.golden.freezing import NOISE, check
 from tests.golden.recordings import RECORDINGS, disturbed
 
 import sprung
+from sprung import diagnosis, identification
+from sprung.diagnosis import observation
 from sprung.results.documents import DOCUMENTS
+
+
+@pytest.fixture(autouse=True)
+def _fits_once(fits_once, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fit equal samples once: several commands of a case show the same fit."""
+    monkeypatch.setattr(diagnosis, "observe_window", fits_once["observe_window"])
+    monkeypatch.setattr(observation, "fit_drive", fits_once["fit_drive"])
+    monkeypatch.setattr(identification, "METHODS", fits_once)
 
 
 @pytest.mark.slow

@@ -119,27 +119,30 @@ def test_a_weak_lateral_damper_and_the_critical_speed_are_found(coach, tmp_path,
     assert document["components"]["bogie1.lateral_damper"]["nominal"] == 32000.0
 
 
-@pytest.mark.slow
-def test_what_a_recording_lacks_is_said(coach) -> None:
-    recording = drive(coach, seed=1, speed=(30.0, 30.0)).part(0, 6000)
-    without = [name for name in recording.names if name != "speed"]
-    with pytest.raises(DataError, match="record the speed"):
-        fit_lateral(recording.select(without), coach)
-    without = [name for name in recording.names if name != "bogie1_fy"]
-    with pytest.raises(DataError, match="lacks the lateral channels bogie1_fy"):
-        fit_lateral(recording.select(without), coach)
-
-
-@pytest.mark.slow
-def test_values_that_a_lateral_channel_lacks_are_a_gap(coach) -> None:
-    """They made all values NaN; a gap of a channel that is not lateral is none here."""
+@pytest.fixture(scope="module")
+def minute(coach) -> Recording:
+    """A minute at 30 m/s."""
     settings = RailDrive(speed=(30.0, 30.0), duration=60.0, sampling_rate=50.0, snr=20.0, welded=True)
-    run = simulate_drive(coach, settings, seed=1).recording
-    samples = run.samples.copy()
-    samples[run.index("bogie1_fy"), 1000:1500] = np.nan
-    samples[run.index("bogie1_fl"), 2000:2400] = np.nan
-    fit = fit_lateral(replace(run, samples=samples), coach)
-    pieces = fit_lateral([run.part(0, 1000), run.part(1500, run.n_samples)], coach)
+    return simulate_drive(coach, settings, seed=1).recording
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("missing", "message"), [("speed", "record the speed"), ("bogie1_fy", "lacks the lateral channels bogie1_fy")]
+)
+def test_what_a_recording_lacks_is_said(coach, minute, missing, message) -> None:
+    with pytest.raises(DataError, match=message):
+        fit_lateral(minute.select([name for name in minute.names if name != missing]), coach)
+
+
+@pytest.mark.slow
+def test_values_that_a_lateral_channel_lacks_are_a_gap(coach, minute) -> None:
+    """They made all values NaN; a gap of a channel that is not lateral is none here."""
+    samples = minute.samples.copy()
+    samples[minute.index("bogie1_fy"), 1000:1500] = np.nan
+    samples[minute.index("bogie1_fl"), 2000:2400] = np.nan
+    fit = fit_lateral(replace(minute, samples=samples), coach)
+    pieces = fit_lateral([minute.part(0, 1000), minute.part(1500, minute.n_samples)], coach)
     assert fit.log_ratios == pytest.approx(pieces.log_ratios, rel=1e-9)
     assert fit.n_segments == pieces.n_segments
 

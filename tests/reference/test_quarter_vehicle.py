@@ -4,8 +4,6 @@ Ten records of 60 s at 1000 Hz, acceleration of the body alone. True modes: 13.2
 frequencies are compared with the exact ones of the vehicle, of which these are the printed digits.
 """
 
-import functools
-
 import numpy as np
 import pytest
 
@@ -20,7 +18,6 @@ RATIOS = [0.1310, 0.0633]
 PULSES, TONE = 3.65, 17.0
 
 
-@functools.cache
 def records(case):
     """Return the body's acceleration in the ten records of a case, 1 to 4."""
     vehicle = structure(read_description("quarter"))
@@ -30,52 +27,28 @@ def records(case):
     ]
 
 
-def is_true_mode(modes):
-    """Whether each mode lies within 5 % of a true one."""
-    return np.abs(modes.natural_frequency[:, None] / FREQUENCIES - 1).min(axis=1) < 0.05
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("case", [1, 2, 3, 4])
-def test_edited_records_give_the_true_modes_and_no_other(case) -> None:
-    settings = IdentificationSettings(lifter=ShortPass(0.25), block_rows=80)
-    modes = coss_ssi(records(case), settings=settings).modes
-    assert modes.natural_frequency == pytest.approx(FREQUENCIES, rel=0.005)
-    assert modes.damping_ratio == pytest.approx(RATIOS, rel=0.1)
+def test_edited_and_raw_records_give_no_false_mode_and_name_the_harmonics(case) -> None:
+    """Edited records give both modes; raw ones with tones may lose that of the body, as in case 4 of the thesis.
 
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", [1, 2])
-def test_raw_records_with_noise_and_pulses_give_the_true_modes(case) -> None:
-    modes = coss_ssi(records(case)).modes
-    assert modes.natural_frequency == pytest.approx(FREQUENCIES, rel=0.005)
-    assert modes.damping_ratio == pytest.approx(RATIOS, rel=0.1)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", [3, 4])
-def test_raw_records_with_tones_give_no_false_mode(case) -> None:
-    """The thesis finds false modes at 3.56 and 17.37 Hz, and in case 4 loses the mode at 13.21 Hz, as this does."""
-    modes = coss_ssi(records(case)).modes
-    assert np.all(is_true_mode(modes))
-    assert modes.natural_frequency[-1] == pytest.approx(FREQUENCIES[1], rel=0.005)
-    assert modes.damping_ratio[-1] == pytest.approx(RATIOS[1], rel=0.1)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", [2, 3, 4])
-def test_pulses_and_tones_are_named_harmonics(case) -> None:
-    lines = cov_ssi(records(case)).harmonics
-    pulses = [line for line in lines if line.fundamental == pytest.approx(PULSES, rel=1e-3)]
-    assert len(pulses) > 30
+    The thesis finds false modes at 3.56 and 17.37 Hz in raw records with tones.
+    """
+    runs = records(case)
+    edited = coss_ssi(runs, settings=IdentificationSettings(lifter=ShortPass(0.25), block_rows=80)).modes
+    assert edited.natural_frequency == pytest.approx(FREQUENCIES, rel=0.005)
+    assert edited.damping_ratio == pytest.approx(RATIOS, rel=0.1)
+    raw = coss_ssi(runs)
+    found, n = raw.modes, 2 if case < 3 else 1
+    assert found.natural_frequency[-n:] == pytest.approx(FREQUENCIES[-n:], rel=0.005)
+    assert found.damping_ratio[-n:] == pytest.approx(RATIOS[-n:], rel=0.1)
+    assert np.all(np.abs(found.natural_frequency[:, None] / FREQUENCIES - 1).min(axis=1) < 0.05)
+    assert len(found) == 2 or case > 2
+    pulses = [line for line in raw.harmonics if line.fundamental == pytest.approx(PULSES, rel=1e-3)]
+    assert len(pulses) > 30 if case > 1 else not pulses
     assert all(line.frequency == pytest.approx(line.order * PULSES, abs=0.05) for line in pulses)
-    tones = [line.frequency for line in lines if line not in pulses]
-    assert tones == ([pytest.approx(TONE, abs=0.02)] if case == 4 else [])
-
-
-@pytest.mark.slow
-def test_random_records_have_no_harmonics() -> None:
-    assert cov_ssi(records(1)).harmonics == ()
+    others = [line.frequency for line in raw.harmonics if line not in pulses]
+    assert others == ([pytest.approx(TONE, abs=0.02)] if case == 4 else [])
 
 
 @pytest.mark.slow

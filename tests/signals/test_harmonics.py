@@ -152,9 +152,9 @@ def test_light_modes_of_half_an_hour_are_no_lines_and_a_tone_among_them_is_one(t
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["chain3", "quarter", "white", "light", "lightest"])
 def test_random_vibration_has_no_harmonics(kind) -> None:
-    """At the default rate of 1e-3, lines in three of 200 records have a probability of 1e-3."""
+    """At the default rate of 1e-3, lines in two of 100 records have a probability of 5e-3."""
     n_with_lines = 0
-    for seed in range(200):
+    for seed in range(100):
         if kind == "white":
             recording = recorded(np.random.default_rng(seed).standard_normal((4, 12_000)), 200.0)
         elif kind in ("light", "lightest"):
@@ -166,7 +166,7 @@ def test_random_vibration_has_no_harmonics(kind) -> None:
             assert isinstance(excitation, RandomInputs)
             recording = simulate(vehicle, excitation, duration=60.0, sampling_rate=400.0, snr=10.0, seed=seed)
         n_with_lines += len(find_harmonics(recording)) > 0
-    assert n_with_lines <= 2
+    assert n_with_lines <= 1
 
 
 # Families
@@ -301,8 +301,8 @@ def test_at_constant_speed_no_line_is_called_proportional_to_it() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("spread", "duration"), [(1.0, 600.0), (4.0, 600.0), (4.0, 60.0)])
 def test_drives_without_lines_have_none(spread, duration) -> None:
-    n_lines = sum(len(find_harmonics(drive(spread, seed=s, duration=duration), speed="v")) for s in range(20))
-    assert n_lines <= 1
+    n_lines = sum(len(find_harmonics(drive(spread, seed=s, duration=duration), speed="v")) for s in range(10))
+    assert n_lines == 0
 
 
 # Poles
