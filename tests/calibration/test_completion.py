@@ -79,8 +79,8 @@ def test_rubber_that_carries_the_dampers_is_found_at_the_axle_that_has_it(hatchb
     on_rubber = (front.model_copy(update={"damper_bushing_stiffness": 120e3}), rear)
     vehicle = hatchback.model_copy(update={"axle": on_rubber})
     settings = RoadDrive(duration=300.0, sampling_rate=120.0, snr=50.0)
-    drives = [simulate_drive(vehicle, settings, seed=seed).recording for seed in (3, 4)]
-    calibration = calibrate(drives, hatchback, settings=CalibrationSettings(most_mounts=0, has_modes=False))
+    run = simulate_drive(vehicle, settings, seed=3).recording
+    calibration = calibrate([run], hatchback, settings=CalibrationSettings(most_mounts=0, has_modes=False))
     found = calibration.number("front.damper_bushing_stiffness")
     assert found.nominal_value is None
     assert found.is_identifiable

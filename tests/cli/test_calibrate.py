@@ -19,9 +19,10 @@ def test_a_baseline_learns_an_engine_that_the_file_lacks_and_diagnose_uses_it(tm
     with_engine, file = tmp_path / "true.toml", tmp_path / "car.toml"
     write_vehicle(with_mount(explicit(car), engine).vehicle, with_engine)
     write_vehicle(car, file)
-    drives = {"healthy": ["--seed", "1"], "faulty": ["--seed", "2", "--fault", "front_left.spring=-0.4"]}
+    fault = ["--fault", "front_left.spring=-0.4"]
+    drives = {"healthy": ["--minutes", "15", "--seed", "1"], "faulty": ["--minutes", "10", "--seed", "2", *fault]}
     for name, words in drives.items():
-        options = ["--minutes", "15", "--sampling-rate", "100", "--snr", "50", *words]
+        options = ["--sampling-rate", "100", "--snr", "50", *words]
         assert (
             main(["simulate", "road", "--vehicle", str(with_engine), *options, "--out", f"{tmp_path / name}.npz"]) == 0
         )

@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 import sprung
+from sprung import diagnosis
 from sprung.cli import main
+
+
+@pytest.fixture(autouse=True)
+def _windows_once(fits_once, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fit windows of equal samples once: comparisons have the first drive in common."""
+    monkeypatch.setattr(diagnosis, "observe_window", fits_once["observe_window"])
 
 
 @pytest.fixture(scope="module")

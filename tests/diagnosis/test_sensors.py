@@ -245,7 +245,7 @@ def test_a_standing_car_and_a_rig_have_no_speed_to_be_wrong(car, run) -> None:
 @pytest.mark.slow
 def test_diagonal_sensors_exchanged_are_seen_despite_an_unknown_engine(car) -> None:
     engine = MountedMass(mass=180.0, x=1.1, frequency=11.0, damping_ratio=0.08)
-    settings = nonlinear(duration=600.0, snr=50.0)
+    settings = nonlinear(duration=300.0, snr=50.0)
     run = simulate_drive(car.model_copy(update={"mounted_mass": (engine,)}), settings, seed=5).recording
     sound = observe_window(run, car)
     assert sound.conditions["model_error"] > 0.25

@@ -271,15 +271,12 @@ def test_weeks_of_a_guyed_mast(real_file) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2))
-def test_chain_whose_stiffness_falls_by_five_percent(seed) -> None:
+def test_chain_whose_stiffness_falls_by_five_percent() -> None:
     # Frequencies go with the square root of the stiffness: 2.5 % lower in the second half.
     windows = []
     for k in range(30):
         vehicle = chain(stiffness=9800.0 * (1.0 if k < 15 else 0.95))
-        run = simulate(
-            vehicle, usual_excitation(vehicle), duration=60.0, sampling_rate=200.0, snr=10.0, seed=100 * seed + k
-        )
+        run = simulate(vehicle, usual_excitation(vehicle), duration=60.0, sampling_rate=200.0, snr=10.0, seed=k)
         windows.append(cov_ssi(run).modes)
     result = track_modes(windows)
     exact = chain().modes().natural_frequency
