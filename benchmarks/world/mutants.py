@@ -321,16 +321,19 @@ MUTANTS: dict[str, Callable[[], Patches]] = {
 
 #: Seeds of 400 steps that find what few seeds find: where a trial may begin that is to be short.
 RARE = {
-    "stores the state before the window": 5,
+    "never sends again": 3,
+    "stores the state before the window": 10,
     "removes frames before it stores the state": 4,
-    "stores alerts after the window": 4,
-    "goes on with a worker ahead of the store": 5,
-    "does not wait for the boot before": 71,
+    "stores alerts after the window": 7,
+    "goes on with a worker ahead of the store": 13,
+    "does not wait for the boot before": 109,
+    "writes on behind a torn record": 2,
     "takes an acknowledgement for all boots": 3,
+    "hands over past what memory lacks": 4,
     "forgets losses at a restart": 4,
     "quarantines frames at the first failure": 5,
-    "forgets quarantined frames": 52,
-    "checks the reservation once a minute alone": 10,
+    "forgets quarantined frames": 53,
+    "checks the reservation once a minute alone": 14,
 }
 
 
