@@ -11,12 +11,23 @@ import pytest
 from sprung.cli import main
 from sprung.excitation import Crossings, surface
 from sprung.formats import write
-from sprung.likelihood.fitting import fit_windows
 from sprung.results.documents import road_document
 from sprung.results.figures import road_figure
 from sprung.results.tables import road_table, road_tables
-from sprung.road import RoadSurvey, Stretch, TrackLevel, averaged, road_profile, survey_road, track_of, write_survey
+from sprung.road import (
+    RoadProfile,
+    RoadSurvey,
+    Stretch,
+    TrackLevel,
+    averaged,
+    road_profile,
+    survey,
+    survey_road,
+    track_of,
+    write_survey,
+)
 from sprung.road.level import RANGES, in_range
+from sprung.road.profile import Inverse
 from sprung.simulation import RailDrive, WheelOrders, simulate_drive
 from sprung.vehicles import parse_fault, read_vehicle, write_vehicle
 from sprung.vehicles.window import window_of
@@ -59,11 +70,10 @@ def driven(vehicle, **settings):
         return simulate_drive(vehicle, drive, seed=3).recording, profiles
 
 
-@pytest.fixture(scope="module")
-def drive():
-    """A drive on a jointed track, and the height of the rails along it [m]."""
-    recording, (profile,) = driven(METRO, duration=120.0, speed=(20.0, 24.0))
-    return recording, profile.height
+@pytest.fixture
+def _no_errors_of_fits(monkeypatch) -> None:
+    """Leave out what errors of the fitted vehicle change, two thirds of the work: only standard deviations have it."""
+    monkeypatch.setattr(Inverse, "sensitivity", lambda own, _: np.zeros((1, len(own.missing), own.frequencies.size)))
 
 
 @dataclass(frozen=True)
@@ -79,6 +89,7 @@ class Dip(Crossings):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("_no_errors_of_fits")
 def test_a_defect_of_the_track_is_where_every_vehicle_finds_it() -> None:
     """Its depth in D1 is that of the filter and up to 15 % of other level; spring and wheels are of one vehicle."""
     x = np.arange(0.0, 1400.0, 0.05)
@@ -100,41 +111,50 @@ def test_a_defect_of_the_track_is_where_every_vehicle_finds_it() -> None:
 
 
 @pytest.mark.slow
-def test_levels_are_those_of_the_rails(drive) -> None:
-    recording, height = drive
-    windows = [window_of(recording, METRO)]
-    profile = road_profile(windows, fit_windows(windows), track_of(windows))
-    true = np.array([height(side, profile.distances) for side in (True, False)])
-    survey = survey_road(recording, METRO)
-    assert survey.is_of_track
-    assert {stretch.alignment for stretch in survey.stretches} == {None}  # it has no lateral sensors
-    assert len(survey.stretches) >= 8
+def test_the_command_prints_levels_that_are_those_of_the_rails(tmp_path, monkeypatch, capsys) -> None:
+    recording, (rails,) = driven(METRO, duration=120.0, speed=(20.0, 24.0))
+    profiles: list[RoadProfile] = []
+    monkeypatch.setattr(survey, "road_profile", lambda *given: profiles.append(road_profile(*given)) or profiles[-1])
+    write(recording, tmp_path / "run.parquet")
+    write_vehicle(METRO, tmp_path / "metro.toml")
+    document = tmp_path / "road.json"
+    command = ["road", str(tmp_path / "run.parquet"), "--vehicle", str(tmp_path / "metro.toml")]
+    assert main([*command, "--json", str(document)]) == 0
+    assert "left D1 [mm]" in capsys.readouterr().out
+    stretches = json.loads(document.read_text(encoding="utf-8"))["stretches"]
+    assert set(stretches[0]["left"]) == {"d1", "d1_std", "d2", "d2_std"}
+    assert {stretch["to"] - stretch["from"] for stretch in stretches} == {200.0}
+    assert not any("alignment" in stretch for stretch in stretches)  # it has no lateral sensors
+    assert len(stretches) >= 8
+    (profile,) = profiles
+    true = np.array([rails.height(side, profile.distances) for side in (True, False)])
     for wavelengths, name, most in zip(RANGES, ("d1", "d2"), (0.05, 0.1), strict=True):
         of_rails = in_range(true, wavelengths, spacing=profile.spacing)
         errors = in_range(profile.heights, wavelengths, spacing=profile.spacing) - of_rails
         inner = slice(round(150 / profile.spacing), -round(150 / profile.spacing))
         assert 1e3 * errors[:, inner].std() < 0.5  # mm, of levels with a standard deviation of 2 to 4 mm
         assert 1e3 * np.abs(errors[:, inner]).max() < 1.5
-        for stretch in survey.stretches[1:-1]:
-            part = slice(*np.searchsorted(profile.distances, [stretch.begin, stretch.end]))
-            for side, level in enumerate((stretch.left, stretch.right)):
-                assert getattr(level, name) == pytest.approx(of_rails[side, part].std(), rel=most)
+        for stretch in stretches[1:-1]:
+            part = slice(*np.searchsorted(profile.distances, [stretch["from"], stretch["to"]]))
+            for side, level in enumerate((stretch["left"], stretch["right"])):
+                assert level[name] == pytest.approx(of_rails[side, part].std(), rel=most)
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("_no_errors_of_fits")
 def test_the_alignment_is_that_of_the_rails(coach) -> None:
     recording, (_, rails, _) = driven(coach, duration=90.0, speed=(35.0, 37.0))
-    survey = survey_road(recording, coach)
+    found = survey_road(recording, coach)
     travelled = track_of([window_of(recording, coach)]).distances[-1]
     x = np.arange(0.0, travelled, 0.25)
     centre = np.mean([rails.height(side, x) for side in (True, False)], axis=0)
-    assert len(survey.stretches) >= 8
+    assert len(found.stretches) >= 8
     for wavelengths, name, most in zip(RANGES, ("d1", "d2"), (0.05, 0.1), strict=True):
         of_rails = in_range(centre, wavelengths, spacing=0.25)
-        for stretch in survey.stretches[1:-1]:
+        for stretch in found.stretches[1:-1]:
             part = slice(*np.searchsorted(x, [stretch.begin, stretch.end]))
             assert getattr(stretch.alignment, name) == pytest.approx(of_rails[part].std(), rel=most)
-    assert [table.columns[2:] for table in road_tables(survey)] == [
+    assert [table.columns[2:] for table in road_tables(found)] == [
         ("left D1 [mm]", "right D1 [mm]", "left D2 [mm]", "right D2 [mm]"),
         ("alignment D1 [mm]", "alignment D2 [mm]"),
     ]
@@ -143,9 +163,9 @@ def test_the_alignment_is_that_of_the_rails(coach) -> None:
 @pytest.mark.slow
 def test_a_slow_vehicle_does_not_feel_long_waves() -> None:
     settings = RailDrive(duration=150.0, sampling_rate=50.0, speed=(5.0, 6.0), snr=30.0, welded=True)
-    survey = survey_road(simulate_drive(METRO, settings, seed=1).recording, METRO)
-    assert {stretch.left.d2 for stretch in survey.stretches} == {None}
-    assert "–" in str(road_table(survey).rows[0])
+    found = survey_road(simulate_drive(METRO, settings, seed=1).recording, METRO)
+    assert {stretch.left.d2 for stretch in found.stretches} == {None}
+    assert "–" in str(road_table(found).rows[0])
 
 
 def test_passes_are_averaged_and_written(tmp_path) -> None:
@@ -169,16 +189,3 @@ def test_passes_are_averaged_and_written(tmp_path) -> None:
     (line,) = json.loads((tmp_path / "t.geojson").read_text(encoding="utf-8"))["features"]
     assert line["properties"]["left_d1_mm"] == 1.02
     assert [axes.get_ylabel() for axes in road_figure(mean).axes][:1] == ["D1 [mm]"]
-
-
-@pytest.mark.slow
-def test_the_command_prints_levels(drive, tmp_path, capsys) -> None:
-    write(drive[0], tmp_path / "run.parquet")
-    document = tmp_path / "road.json"
-    write_vehicle(METRO, tmp_path / "metro.toml")
-    command = ["road", str(tmp_path / "run.parquet"), "--vehicle", str(tmp_path / "metro.toml")]
-    assert main([*command, "--json", str(document)]) == 0
-    assert "left D1 [mm]" in capsys.readouterr().out
-    stretches = json.loads(document.read_text(encoding="utf-8"))["stretches"]
-    assert set(stretches[0]["left"]) == {"d1", "d1_std", "d2", "d2_std"}
-    assert stretches[0]["to"] - stretches[0]["from"] == 200.0
