@@ -5,8 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from tests.conftest import once
 from tests.online.store.conftest import postgresql_server, postgresql_url
 
+from sprung.calibration import calibrated_if_imperfect
 from sprung.diagnosis import Baseline
 from sprung.link import Frame, encode, quantised
 from sprung.online.box import blocks_of
@@ -26,9 +28,13 @@ BEGUN = 1_795_219_200_000_000_000
 
 @pytest.fixture(autouse=True, scope="session")
 def _fits_of_a_window_once(fits_once):
-    """Let monitors in this process fit windows of equal samples once; tests fit what they compare with anew."""
+    """Let monitors in this process fit windows of equal samples once; tests fit what they compare with anew.
+
+    Whether the file of a vehicle is imperfect is computed once for equal spectra and files, too.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(assessment, "observe_window", fits_once["observe_window"])
+        patch.setattr(assessment, "calibrated_if_imperfect", once(calibrated_if_imperfect))
         patch.setattr(engine, "METHODS", fits_once)
         yield
 
