@@ -114,7 +114,12 @@ def test_a_defect_of_the_track_is_where_every_vehicle_finds_it() -> None:
 def test_the_command_prints_levels_that_are_those_of_the_rails(tmp_path, monkeypatch, capsys) -> None:
     recording, (rails,) = driven(METRO, duration=120.0, speed=(20.0, 24.0))
     profiles: list[RoadProfile] = []
-    monkeypatch.setattr(survey, "road_profile", lambda *given: profiles.append(road_profile(*given)) or profiles[-1])
+
+    def kept(*given):
+        profiles.append(road_profile(*given))
+        return profiles[-1]
+
+    monkeypatch.setattr(survey, "road_profile", kept)
     write(recording, tmp_path / "run.parquet")
     write_vehicle(METRO, tmp_path / "metro.toml")
     document = tmp_path / "road.json"
