@@ -26,7 +26,7 @@ folder = Path(tempfile.mkdtemp())
 # %%
 # A lake of windows
 # -----------------
-# Six cars of one type with eight windows of two minutes each; the rear-right damper of car-4 loses half of its damping
+# Four cars of one type with eight windows of two minutes each; the rear-right damper of car-4 loses half of its damping
 # after the fifth window. In practice, ``sprung fleet import`` reads the files of drives, or monitors write the lake.
 
 car = sprung.read_vehicle("zafira")
@@ -35,7 +35,7 @@ worn = (sprung.parse_fault("rear_right.damper=-0.5"),)
 
 def windows():
     """Yield the windows of all vehicles."""
-    for vehicle in range(1, 7):
+    for vehicle in range(1, 5):
         for number in range(8):
             faults = worn if vehicle == 4 and number >= 5 else ()
             drive = sprung.RoadDrive(duration=120.0, sampling_rate=100.0, snr=50.0, faults=faults)
@@ -51,10 +51,10 @@ print(lake.facts)
 # %%
 # Vehicle files
 # -------------
-# A file for each vehicle, named after it. All six say the same, so these vehicles are of one type.
+# A file for each vehicle, named after it. All four say the same, so these vehicles are of one type.
 
 (folder / "vehicles").mkdir()
-for vehicle in range(1, 7):
+for vehicle in range(1, 5):
     sprung.write_vehicle(car, folder / "vehicles" / f"car-{vehicle}.toml")
 
 # %%

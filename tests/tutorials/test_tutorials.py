@@ -99,7 +99,7 @@ def test_a_fleet_on_a_laptop() -> None:
         check=True,
     ).stdout
     assert printed.endswith("2 figures\n")
-    assert "48 windows analysed, 6 vehicles assessed\n0 windows analysed, 0 vehicles assessed" in printed
+    assert "32 windows analysed, 4 vehicles assessed\n0 windows analysed, 0 vehicles assessed" in printed
     (found,) = [line for line in printed.splitlines() if "rear_right damper" in line and line.startswith("car-4")]
     change, low, high = (float(value) for value in re.findall(r"([+-]?\d+)(?= %| to)", found))
     assert low <= -50 <= high
