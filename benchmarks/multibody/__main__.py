@@ -232,10 +232,11 @@ def observed(study: Study, vehicle: Vehicle, drive: Drive, seed: int, time: floa
 def judged(
     study: Study, vehicle: Vehicle, learning: list[Observation], drives: list[Drive], seeds: Sequence[int]
 ) -> Diagnosis:
-    """Return the diagnosis of drives together."""
+    """Return the diagnosis of drives together, without those in which the vehicle tipped over."""
     seen = [
         observed(study, vehicle, drive, seed, 600.0 * (1000 + number))
         for number, (drive, seed) in enumerate(zip(drives, seeds, strict=True))
+        if not has_tipped(recording(study, drive, seed))
     ]
     return diagnose(seen, learn(learning))
 
