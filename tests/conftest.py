@@ -180,7 +180,7 @@ def conforms(request: pytest.FixtureRequest) -> Conforms:
 def once(function: Callable[..., Value]) -> Callable[..., Value]:
     """Return the function, computed once for arguments of equal content; for results that nobody can change.
 
-    Iterators are read to their end, and nobody is told of progress.
+    Iterators are read to their end, and progress is not reported.
     """
     results: dict[bytes, Value] = {}
 
