@@ -16,7 +16,8 @@ from sprung.calibration.draft import (
     sensor_numbers,
     with_widths,
 )
-from sprung.calibration.joint import fitted, joint_of, scaled_start
+from sprung.calibration.joint import fitted, joint_of, scaled_start, structure_at_speed
+from sprung.vehicles import structure
 from sprung.vehicles.sections import LearntNumber
 
 CHANNELS = ("acc_fl", "acc_fr", "acc_rl", "acc_rr")
@@ -90,6 +91,13 @@ def test_gradient_is_the_slope_of_the_objective(car, request, exact_windows) -> 
         direction = joint.prior_std * generator.standard_normal(point.size)
         above, below = (joint.objective(point + step * direction)[0] for step in (1e-6, -1e-6))
         assert gradient @ direction == pytest.approx((above - below) / 2e-6, rel=1e-4)
+
+
+def test_a_vehicle_at_another_speed_is_the_one_that_is_built_for_it(on_tyres) -> None:
+    draft = explicit(on_tyres)
+    vehicles = structure_at_speed(draft.structure(), 27.0), structure(draft.vehicle, speed=27.0)
+    found, built = ([(one.stiffness, one.damping) for one in vehicle.elements] for vehicle in vehicles)
+    np.testing.assert_allclose(found, built, rtol=1e-12)
 
 
 def test_windows_at_other_speeds_share_the_derivatives_of_the_file(on_tyres, window_of_data, monkeypatch) -> None:
