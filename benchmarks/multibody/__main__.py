@@ -1,7 +1,7 @@
 """Diagnose vehicles of a general multibody engine, as an engineer would: data sheet, calibration, baseline, windows.
 
     python -m benchmarks.multibody car                       all rows, a few windows of each
-    python -m benchmarks.multibody car van --healthy 40 --faulty 8 --jobs 2 --out results.md
+    python -m benchmarks.multibody car van --healthy 40 --ordinary 40 --faulty 8 --jobs 2 --out results.md
 
 A vehicle file is written from the data sheet (`described`) and completed on five drives; the baseline is learnt from
 twelve. Then it drives healthy, under conditions it never met and under those that it met, and with faults, under those
@@ -221,12 +221,13 @@ def calibrated_file(study: Study) -> Vehicle:
 
 
 def observed(study: Study, vehicle: Vehicle, drive: Drive, seed: int, time: float) -> Observation:
-    """Return what a drive says."""
-    return kept(
+    """Return what a drive says, as of a time [s]."""
+    found = kept(
         study.folder / code_version(OBSERVATIONS),
-        [vehicle_text(vehicle), study.design, study.effects, drive, seed, time],
-        lambda: observe_window(recording(study, drive, seed), vehicle, time=time),
+        [vehicle_text(vehicle), study.design, study.effects, drive, seed],
+        lambda: observe_window(recording(study, drive, seed), vehicle),
     )
+    return replace(found, time=time)
 
 
 def judged(
@@ -301,13 +302,13 @@ def detectable(diagnosis: Diagnosis) -> str:
 
 
 def throughout(
-    study: Study, vehicle: Vehicle, learning: list[Observation], count: int, work: ProcessPoolExecutor
+    study: Study, vehicle: Vehicle, learning: list[Observation], given: argparse.Namespace, work: ProcessPoolExecutor
 ) -> Iterable[str]:
     """Yield the rows of windows under conditions never met, those of one condition together: half hours to two hours.
 
     They are judged by the baseline, and by those of twelve other drives each.
     """
-    of_kind = count // KINDS
+    of_kind = given.healthy // KINDS
     sizes = [size for size in (TOGETHER, 2 * TOGETHER, 4 * TOGETHER) if size <= of_kind]
     firsts = [
         (size, kind + KINDS * begun) for size in sizes for kind in range(KINDS) for begun in _begun(size, of_kind)
@@ -315,7 +316,7 @@ def throughout(
     members = [[first + KINDS * k for k in range(size)] for size, first in firsts]
     groups = [[unmet(study.design, number) for number in group] for group in members]
     seeds = [[20_000 + number for number in group] for group in members]
-    for other in range(-1, count // len(learning) if firsts else -1):
+    for other in range(-1, given.baselines if firsts else -1):
         if other >= 0:
             numbers = [50_000 + other * len(learning) + k for k in range(len(learning))]
             drives = [ordinary(study.design, number) for number in numbers]
@@ -349,11 +350,11 @@ def rows(study: Study, arguments: argparse.Namespace, work: ProcessPoolExecutor)
     yield f"| roll while learning, and its error | {rolls(study, learning, drives)} |"
     yield f"| left over right while learning, mean and scatter [%] | {sides(learning)} |"
     yield f"| calibrated file | {numbers(vehicle)} |"
-    for words, drive_of, offset, start in (
-        ("conditions never met", unmet, 0, 20_000),
-        ("conditions as the baseline's", ordinary, 50_000, 50_000),
+    for words, drive_of, count, offset, start in (
+        ("conditions never met", unmet, arguments.healthy, 0, 20_000),
+        ("conditions as the baseline's", ordinary, arguments.ordinary, 50_000, 50_000),
     ):
-        firsts = [TOGETHER * number for number in range(arguments.healthy // TOGETHER)]
+        firsts = [TOGETHER * number for number in range(count // TOGETHER)]
         if not firsts:
             continue
         groups = [[drive_of(design, offset + first + k) for k in range(TOGETHER)] for first in firsts]
@@ -365,7 +366,7 @@ def rows(study: Study, arguments: argparse.Namespace, work: ProcessPoolExecutor)
         yield f"| sensor faults | {share(sum(bool(each.sensor_faults) for each in healthy), len(healthy))} |"
         yield f"| smallest losses that would be found | {', '.join(map(detectable, healthy))} |"
         if drive_of is unmet:
-            yield from throughout(study, vehicle, learning, arguments.healthy, work)
+            yield from throughout(study, vehicle, learning, arguments, work)
     for row, fault in enumerate(faults(design) if arguments.faulty else ()):
         first = 30_000 + 1000 * row
         drive_of, where = (unmet, ", conditions never met") if arguments.unmet else (ordinary, "")
@@ -401,7 +402,9 @@ def main() -> None:
     """Print the table of each vehicle."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("vehicles", nargs="+", choices=sorted(SHEETS))
-    parser.add_argument("--healthy", type=int, default=12, help="healthy windows")
+    parser.add_argument("--healthy", type=int, default=12, help="healthy windows under conditions never met")
+    parser.add_argument("--ordinary", type=int, default=12, help="healthy windows under those of the baseline")
+    parser.add_argument("--baselines", type=int, default=1, help="other baselines that judge one condition throughout")
     parser.add_argument("--faulty", type=int, default=2, help="half hours of each fault")
     parser.add_argument("--unmet", action="store_true", help="faults under conditions that the baseline has not met")
     parser.add_argument(

@@ -16,9 +16,12 @@ from sprung.calibration.draft import (
     sensor_numbers,
     with_widths,
 )
-from sprung.calibration.joint import fitted, joint_of, scaled_start, structure_at_speed
+from sprung.calibration.joint import fitted, joint_of, scaled_start, structure_at_speed, window_spectra
+from sprung.likelihood import CornerSettings
+from sprung.simulation import RoadDrive, simulate_drive
 from sprung.vehicles import structure
 from sprung.vehicles.sections import LearntNumber
+from sprung.vehicles.window import window_of
 
 CHANNELS = ("acc_fl", "acc_fr", "acc_rl", "acc_rr")
 
@@ -91,6 +94,22 @@ def test_gradient_is_the_slope_of_the_objective(car, request, exact_windows) -> 
         direction = joint.prior_std * generator.standard_normal(point.size)
         above, below = (joint.objective(point + step * direction)[0] for step in (1e-6, -1e-6))
         assert gradient @ direction == pytest.approx((above - below) / 2e-6, rel=1e-4)
+
+
+def test_windows_of_a_vehicle_with_a_rigid_axle_are_of_one_range_of_speed(hatchback, on_tyres, monkeypatch) -> None:
+    """Over the whole range of a drive, its roll inertia would imitate a damping that falls with speed."""
+    drive = simulate_drive(hatchback, RoadDrive(duration=120.0, sampling_rate=60.0, snr=50.0), seed=3).recording
+    window = window_of(drive, on_tyres)
+    similar = window_spectra(window, CornerSettings()).segments
+    monkeypatch.setattr(module, "_of_similar_speed", lambda segments: segments)
+    every = window_spectra(window, CornerSettings()).segments
+    low, high = similar.speeds.min(), similar.speeds.max()
+    assert high / low < 1.44 < every.speeds.max() / every.speeds.min()
+    inside = (low <= every.speeds) & (every.speeds <= high)
+    np.testing.assert_array_equal(similar.values, every.values[inside])
+    counts = [np.sum((one <= every.speeds) & (every.speeds <= 1.44 * one)) for one in every.speeds]
+    assert similar.speeds.size == max(counts)
+    assert similar.n_rejected + similar.speeds.size == every.n_rejected + every.speeds.size
 
 
 def test_a_vehicle_at_another_speed_is_the_one_that_is_built_for_it(on_tyres) -> None:

@@ -244,7 +244,8 @@ def calibrate(
     Notes
     -----
     The parameters of maximum posterior probability of all windows together. A number of the file is shared by the
-    windows, and its prior counts once; payload, road and noise are each window's own. A mass on mounts is added where
+    windows, and its prior counts once; payload, road and noise are each window's own. Of a vehicle with rigid axles,
+    each window counts in one range of speed, as side forces damp less at higher ones. A mass on mounts is added where
     the misfit asks for one (`likely_mount`) and the evidence for it is large.
 
     References

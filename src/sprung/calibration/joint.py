@@ -38,6 +38,8 @@ from sprung.vehicles.window import Window
 
 #: Step of the numerical derivatives over the standard deviation of the prior.
 _STEP = 1e-4
+#: Highest speed over lowest one of the segments of a vehicle with rigid axles and side forces of tyres.
+_SPEED_RANGE = 1.44
 #: Fields of a sensor that leave its reading of motion as it is.
 _STILL = frozenset({"scale", "delay"})
 
@@ -513,7 +515,8 @@ def window_spectra(window: Window, settings: CornerSettings) -> WindowSpectra:
     Notes
     -----
     A fit of the corners leaves out what a rigid vehicle cannot explain; here it shows where sensors are. A speed
-    channel that is late is corrected, as there.
+    channel that is late is corrected, as there. With rigid axles on tyres that hold them sideways, the segments are
+    those of one range of speed.
     """
     kind: Kind = settings.kind or window.vehicle.kind
     if window.speed is None and kind != "rig":
@@ -532,7 +535,29 @@ def window_spectra(window: Window, settings: CornerSettings) -> WindowSpectra:
     means, variations = delayed_speeds([motion], window.speed, length, DELAYS)
     late = speed_delay(segments, means, variations, lambda speeds: setup.at_speeds(segments, speeds)).value
     speeds = segment_speeds([motion], window.speed, length, delay=late)
-    return WindowSpectra(steady_segments(segments, *speeds), layout, rigid, kind)
+    segments = steady_segments(segments, *speeds)
+    if any(axle.cornering_stiffness and axle.wheelset_mass for axle in window.vehicle.axle):
+        segments = _of_similar_speed(segments)
+    return WindowSpectra(segments, layout, rigid, kind)
+
+
+def _of_similar_speed(segments: SegmentSpectra) -> SegmentSpectra:
+    """Return the segments within the range of speed that holds most of them.
+
+    The damping by side forces of tyres falls with speed, and the model has that of the mean speed alone: over the whole
+    range of a drive, the roll inertia of a rigid axle and its places of springs would imitate the difference.
+    """
+    from_slowest = np.sort(segments.speeds)
+    held = np.searchsorted(from_slowest, _SPEED_RANGE * from_slowest, side="right") - np.arange(from_slowest.size)
+    lowest = from_slowest[np.argmax(held)]
+    kept = (lowest <= segments.speeds) & (segments.speeds <= _SPEED_RANGE * lowest)
+    return replace(
+        segments,
+        values=segments.values[kept],
+        speeds=segments.speeds[kept],
+        spreads=segments.spreads[kept],
+        n_rejected=segments.n_rejected + int((~kept).sum()),
+    )
 
 
 def window_layouts(vehicle: Vehicle, channels: tuple[str, ...]) -> tuple[RigidLayout, RigidLayout]:
