@@ -7,7 +7,7 @@ import shutil
 import signal
 import subprocess
 import tempfile
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
 
@@ -73,6 +73,13 @@ def postgresql_server():
         yield folder
 
 
+def _signal(processes, number):
+    """Send a signal to those processes that still run: a worker of the server may end at any time."""
+    for process in processes:
+        with suppress(ProcessLookupError):
+            os.kill(process, number)
+
+
 @pytest.fixture
 def frozen_server(postgresql_server):
     """A context in which all processes of the server are stopped, as by a disk or machine that hangs."""
@@ -82,13 +89,11 @@ def frozen_server(postgresql_server):
         server = int((postgresql_server / "data" / "postmaster.pid").read_text().split()[0])
         children = Path(f"/proc/{server}/task/{server}/children").read_text(encoding="utf-8").split()
         processes = [server, *map(int, children)]
-        for process in processes:
-            os.kill(process, signal.SIGSTOP)
+        _signal(processes, signal.SIGSTOP)
         try:
             yield
         finally:
-            for process in processes:
-                os.kill(process, signal.SIGCONT)
+            _signal(processes, signal.SIGCONT)
 
     return frozen
 
