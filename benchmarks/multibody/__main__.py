@@ -350,23 +350,26 @@ def rows(study: Study, arguments: argparse.Namespace, work: ProcessPoolExecutor)
     yield f"| roll while learning, and its error | {rolls(study, learning, drives)} |"
     yield f"| left over right while learning, mean and scatter [%] | {sides(learning)} |"
     yield f"| calibrated file | {numbers(vehicle)} |"
-    for words, drive_of, count, offset, start in (
-        ("conditions never met", unmet, arguments.healthy, 0, 20_000),
-        ("conditions as the baseline's", ordinary, arguments.ordinary, 50_000, 50_000),
+    never_met = ("conditions never met", unmet, arguments.healthy, 0, 20_000)
+    as_met = ("conditions as the baseline's", ordinary, arguments.ordinary, 50_000, 50_000)
+    for together, size, (words, drive_of, count, offset, start) in (
+        ("half hours", TOGETHER, never_met),
+        ("two hours", 4 * TOGETHER, never_met),
+        ("half hours", TOGETHER, as_met),
+        ("two hours", 4 * TOGETHER, as_met),
     ):
-        firsts = [TOGETHER * number for number in range(count // TOGETHER)]
+        firsts = [size * number for number in range(count // size)]
         if not firsts:
             continue
-        groups = [[drive_of(design, offset + first + k) for k in range(TOGETHER)] for first in firsts]
-        seeds = [range(start + first, start + first + TOGETHER) for first in firsts]
+        groups = [[drive_of(design, offset + first + k) for k in range(size)] for first in firsts]
+        seeds = [range(start + first, start + first + size) for first in firsts]
         healthy = list(work.map(partial(judged, study, vehicle, learning), groups, seeds))
         verdicts = Counter(str(diagnosis.verdict) for diagnosis in healthy)
-        yield f"| {design.name}: healthy half hours, {words} | {dict(verdicts)} |"
+        yield f"| {design.name}: healthy {together}, {words} | {dict(verdicts)} |"
         yield f"| findings | {share(sum(bool(each.findings) for each in healthy), len(healthy))} |"
         yield f"| sensor faults | {share(sum(bool(each.sensor_faults) for each in healthy), len(healthy))} |"
         yield f"| smallest losses that would be found | {', '.join(map(detectable, healthy))} |"
-        if drive_of is unmet:
-            yield from throughout(study, vehicle, learning, arguments, work)
+    yield from throughout(study, vehicle, learning, arguments, work)
     for row, fault in enumerate(faults(design) if arguments.faulty else ()):
         first = 30_000 + 1000 * row
         drive_of, where = (unmet, ", conditions never met") if arguments.unmet else (ordinary, "")

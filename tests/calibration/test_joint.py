@@ -109,7 +109,6 @@ def test_windows_of_a_vehicle_with_a_rigid_axle_are_of_one_range_of_speed(hatchb
     np.testing.assert_array_equal(similar.values, every.values[inside])
     counts = [np.sum((one <= every.speeds) & (every.speeds <= 1.44 * one)) for one in every.speeds]
     assert similar.speeds.size == max(counts)
-    assert similar.n_rejected + similar.speeds.size == every.n_rejected + every.speeds.size
 
 
 def test_a_vehicle_at_another_speed_is_the_one_that_is_built_for_it(on_tyres) -> None:

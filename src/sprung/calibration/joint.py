@@ -556,7 +556,6 @@ def _of_similar_speed(segments: SegmentSpectra) -> SegmentSpectra:
         values=segments.values[kept],
         speeds=segments.speeds[kept],
         spreads=segments.spreads[kept],
-        n_rejected=segments.n_rejected + int((~kept).sum()),
     )
 
 
