@@ -271,29 +271,6 @@ def test_the_lines_of_a_wheel_are_proportional_to_speed(spread) -> None:
 
 
 @pytest.mark.slow
-def test_known_lines_of_a_wheel_sweep_the_band_of_the_present_speeds() -> None:
-    known = find_harmonics(drive(1.0, seed=1, line=0.3), speed="v")
-    recording = drive(4.0, seed=2)
-    once, twice = find_harmonics(recording, speed="v", known=known)
-    assert (once.frequency, twice.frequency) == (known[0].frequency, known[1].frequency)
-    assert once.band[0] == pytest.approx(0.516 * np.quantile(recording.samples[-1], 0.05), rel=0.02)
-    assert once.band[1] == pytest.approx(0.516 * np.quantile(recording.samples[-1], 0.95), rel=0.02)
-    assert find_harmonics(recording, speed="v") == ()
-
-
-@pytest.mark.slow
-def test_lines_proportional_to_speed_are_searched_for_where_a_tone_appears() -> None:
-    recording = drive(4.0, seed=1, line=0.3)
-    assert find_harmonics(recording, speed="v", known=()) == ()
-    hum = np.sin(2 * np.pi * 36.0 * np.arange(recording.n_samples) / 100) * recording.samples[:4].std()
-    humming = replace(recording, samples=np.vstack([recording.samples[:4] + hum, recording.samples[4]]))
-    found = find_harmonics(humming, speed="v")
-    assert [line.kind for line in found] == ["constant", "speed", "speed"]
-    assert find_harmonics(humming, speed="v", known=()) == found
-    assert [line.kind for line in find_harmonics(humming, speed="v", known=found[:1])] == ["constant"]
-
-
-@pytest.mark.slow
 def test_at_constant_speed_no_line_is_called_proportional_to_it() -> None:
     assert all(line.kind != "speed" for line in find_harmonics(drive(0.02, seed=2, line=0.3), speed="v"))
 

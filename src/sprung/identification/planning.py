@@ -181,9 +181,7 @@ def without_slow_motion(prepared: Prepared, edge: float) -> Prepared:
     return replace(prepared, motion=band_pass(prepared.motion, edge, None)) if edge > 0 else prepared
 
 
-def search_harmonics(
-    recording: Recording, plan: PreparationPlan, *, speed: str | None, known: Sequence[Harmonic] | None = None
-) -> tuple[Harmonic, ...]:
+def search_harmonics(recording: Recording, plan: PreparationPlan, *, speed: str | None) -> tuple[Harmonic, ...]:
     """Search one record for harmonics of the excitation, up to 100 Hz or the band of the identification.
 
     Parameters
@@ -194,8 +192,6 @@ def search_harmonics(
         Decisions from `plan_preparation`.
     speed
         Name of the speed channel; None without one.
-    known
-        As for `find_harmonics`.
 
     Returns
     -------
@@ -207,7 +203,7 @@ def search_harmonics(
         If a channel has missing values, or there is no channel to search.
     """
     searched = _decimate_to(_at_common_rate(recording, plan), _rate_for_lines(plan))
-    return find_harmonics(searched, speed=speed, false_alarm_rate=_RULES.false_lines, known=known)
+    return find_harmonics(searched, speed=speed, false_alarm_rate=_RULES.false_lines)
 
 
 def highest_line(plan: PreparationPlan) -> float:

@@ -333,37 +333,6 @@ class RunningRecords:
         return _correlate(self._method, prepared, harmonics, plan, self._settings)
 
 
-def lines_of(
-    recording: Recording,
-    known: Sequence[Harmonic] | None,
-    *,
-    settings: IdentificationSettings,
-    vehicle: AnyVehicle,
-) -> tuple[Harmonic, ...]:
-    """Return the harmonics of a record, of which those proportional to speed may be known from an earlier one.
-
-    Parameters
-    ----------
-    recording
-        Record as read.
-    known
-        As for `sprung.signals.harmonics.find_harmonics`.
-    settings, vehicle
-        As for `cov_ssi`.
-
-    Raises
-    ------
-    DataError
-        If no part of the record is usable.
-    ParameterError
-        If a setting does not suit the record.
-    """
-    living, _ = without_dead_parts(recording, output_channels(recording, vehicle))
-    part = usable(living, vehicle=vehicle, allow_missing=True)
-    plan = plan_preparation(part, settings=settings, vehicle=vehicle)
-    return search_harmonics(part, plan, speed=speed_channel(part, vehicle), known=known)
-
-
 def _harmonics(
     recording: Recording, plan: PreparationPlan, settings: IdentificationSettings, vehicle: AnyVehicle | None
 ) -> tuple[Harmonic, ...]:

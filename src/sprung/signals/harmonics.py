@@ -111,7 +111,6 @@ def find_harmonics(
     speed: str | None = None,
     false_alarm_rate: float = 1e-3,
     min_damping: float = 0.005,
-    known: Sequence[Harmonic] | None = None,
 ) -> tuple[Harmonic, ...]:
     """Find lines that are too narrow and too regular for modes.
 
@@ -125,9 +124,6 @@ def find_harmonics(
         Probability of reporting any harmonic in a recording of random vibration, above 0 and at most 0.5.
     min_damping
         Smallest damping ratio of a mode, above 0 and at most 1; longer recordings separate smaller ones (see Notes).
-    known
-        Lines of an earlier recording of the same vehicle: those proportional to speed are taken over, and not searched
-        for, unless a line of another kind appears that is not among them; None: all are searched for.
 
     Returns
     -------
@@ -205,12 +201,9 @@ def find_harmonics(
     slow, low, middle, high, fast = (float(q) for q in np.quantile(v, (0.05, 0.25, 0.5, 0.75, 0.95)))
     if high - low < _HARMONICS.min_spread * middle:
         return constant
-    if known is not None and all(_is_among(line, known) for line in constant):
-        following = tuple(_at_speeds(line, (slow, fast)) for line in known if line.kind == "speed")
-    else:
-        along = over_distance(moving, speed, interval=middle / recording.sampling_rate, channels=names)
-        lines = _speed_lines(along, moving.select(names), (low, middle, high), false_alarm_rate)
-        following = _as_harmonics(lines, names, "speed", (slow, fast))
+    along = over_distance(moving, speed, interval=middle / recording.sampling_rate, channels=names)
+    lines = _speed_lines(along, moving.select(names), (low, middle, high), false_alarm_rate)
+    following = _as_harmonics(lines, names, "speed", (slow, fast))
 
     def is_swept(line: Harmonic) -> bool:
         return line.kind == "drifting" and any(
@@ -218,21 +211,6 @@ def find_harmonics(
         )
 
     return tuple(line for line in constant if not is_swept(line)) + following
-
-
-def _is_among(line: Harmonic, known: Sequence[Harmonic]) -> bool:
-    """Return whether a line over time is one of those known, within the resolution of both."""
-    return any(
-        abs(line.frequency - other.frequency) <= (line.resolution + other.resolution) / 2
-        for other in known
-        if other.kind != "speed"
-    )
-
-
-def _at_speeds(line: Harmonic, speeds: tuple[float, float]) -> Harmonic:
-    """Return a line proportional to speed with the band that it sweeps from one speed to another."""
-    half = line.resolution / 2
-    return replace(line, band=((line.frequency - half) * speeds[0], (line.frequency + half) * speeds[1]))
 
 
 def near_harmonic(

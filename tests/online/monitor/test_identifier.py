@@ -51,7 +51,7 @@ def of_batch(window, car):
 
 
 @pytest.mark.slow
-def test_lines_proportional_to_speed_are_sought_once_an_hour(car, windows, searches) -> None:
+def test_lines_are_sought_once_an_hour(car, windows, searches) -> None:
     monitored = ModeIdentifier(SETTINGS)
     expected = [of_batch(window, car) for window in windows]
     n_before = len(searches)
@@ -90,20 +90,3 @@ def test_lines_are_sought_anew_where_a_mode_may_be_one(car, windows, searches, m
     assert len(searches) == before + 1
     assert modes_of(monitored, windows[0], car) == expected[0]
     assert len(searches) == before + 2
-
-
-def test_modes_are_identified_once_where_the_lines_sought_anew_are_those_known(car, windows, monkeypatch) -> None:
-    identified = []
-
-    def counted(*given, **settings):
-        identified.append(cov_ssi(*given, **settings))
-        return identified[-1]
-
-    monkeypatch.setattr(engine, "METHODS", {**METHODS, SETTINGS.method: counted})
-    monkeypatch.setattr(engine, "_NARROW", 1.0)
-    monitored = ModeIdentifier(SETTINGS)
-    first = modes_of(monitored, windows[0], car)
-    assert modes_of(monitored, windows[0], car) == first
-    assert len(identified) == 2
-    modes_of(monitored, windows[1], car)
-    assert len(identified) == 4

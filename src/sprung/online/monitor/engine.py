@@ -11,8 +11,14 @@ import numpy as np
 from sprung._checks import required
 from sprung.diagnosis import Baseline, Diagnosis, Observation, TypeBaseline
 from sprung.errors import ParameterError, SprungError
-from sprung.identification import METHODS, IdentificationSettings, RunningSummary, modes_of_summary, rate_for_body
-from sprung.identification.records import lines_of
+from sprung.identification import (
+    METHODS,
+    Identification,
+    IdentificationSettings,
+    RunningSummary,
+    modes_of_summary,
+    rate_for_body,
+)
 from sprung.link import Block, joined
 from sprung.link.frame import part_of, plain_channels, restored_channels
 from sprung.link.windows import WindowCutter
@@ -28,7 +34,7 @@ from sprung.vehicles import Vehicle, vehicle_text
 _SHORTEST = 120.0
 #: Length of the segments of a window that is not complete [s]: short enough for many of them after two minutes.
 _SEGMENT = 10.0
-#: Time after which lines proportional to speed are sought again [s].
+#: Time after which lines are sought again [s].
 _LINES_KNOWN = 3600.0
 #: Damping ratio of a mode that may be an unknown line.
 _NARROW = 0.05
@@ -48,11 +54,9 @@ class ModeIdentifier:
     -----
     Modes of a complete window are those of the batch method. Until then a cheaper identification serves: the samples
     between one identification and the next are one record (`RunningSummary`), prepared and correlated once, at a rate
-    for the modes of the body alone (`rate_for_body`). Lines are sought once per window, when it is complete; until then
-    those of the previous window are used. Lines proportional to speed, whose search takes half the time of an
-    identification, are taken over for an hour, unless a line over time appears that was not known, or a mode of the
-    complete window is damped by at most 5 %, as a line would be: then they are sought, and where they are others than
-    those known, the modes are identified with them.
+    for the modes of the body alone (`rate_for_body`). Lines, whose search takes half the time of an identification, are
+    sought in a complete window and taken over for an hour, unless a complete window shows no mode, or one that is damped
+    by at most 5 %, as a line would be: then they are sought, and the modes are identified anew.
     """
 
     def __init__(self, settings: MonitorSettings) -> None:
@@ -110,22 +114,17 @@ class ModeIdentifier:
     def _of_window(self, recording: Recording, vehicle: Vehicle) -> Modes:
         """Return the modes of the complete window, and keep the lines that it shows."""
 
-        def lines(known: tuple[Harmonic, ...] | None) -> tuple[Harmonic, ...]:
-            return lines_of(recording, known, settings=IDENTIFICATION, vehicle=vehicle)
-
-        def modes() -> Modes:
-            settings = replace(IDENTIFICATION, harmonics=self._harmonics)
-            return METHODS[self._settings.method](recording, settings=settings, vehicle=vehicle).modes
+        def identified(lines: tuple[Harmonic, ...] | None) -> Identification:
+            settings = replace(IDENTIFICATION, harmonics=lines)
+            return METHODS[self._settings.method](recording, settings=settings, vehicle=vehicle)
 
         is_known = self._lines_known > 0
-        self._harmonics = taken = lines(self._harmonics if is_known else None)
-        found = modes()
-        if is_known and _has_narrow(found):
-            is_known = False
-            self._harmonics = lines(None)
-            found = found if self._harmonics == taken else modes()
+        found = identified(self._harmonics if is_known else None)
+        if is_known and _may_have_lines(found.modes):
+            is_known, found = False, identified(None)
+        self._harmonics = found.harmonics
         self._lines_known = (self._lines_known if is_known else _LINES_KNOWN) - self._settings.window
-        return found
+        return found.modes
 
     def _so_far(self, blocks: Sequence[Block], vehicle: Vehicle) -> Modes:
         """Return the modes of the body from the samples between one identification and the next, as records."""
@@ -157,9 +156,9 @@ class ModeIdentifier:
         return records
 
 
-def _has_narrow(modes: Modes) -> bool:
-    """Return whether a mode is damped so little that it may be a line."""
-    return bool((modes.damping_ratio <= _NARROW).any())
+def _may_have_lines(modes: Modes) -> bool:
+    """Return whether a mode is damped so little that it may be a line, or lines may have hidden all modes."""
+    return not len(modes.damping_ratio) or bool((modes.damping_ratio <= _NARROW).any())
 
 
 #: Name and version of the documents.
