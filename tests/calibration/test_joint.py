@@ -6,6 +6,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
+from sprung.calibration import completion
 from sprung.calibration import joint as module
 from sprung.calibration.draft import (
     channel_responses,
@@ -100,7 +101,8 @@ def test_windows_of_a_vehicle_with_a_rigid_axle_are_of_one_range_of_speed(hatchb
     """Over the whole range of a drive, its roll inertia would imitate a damping that falls with speed."""
     drive = simulate_drive(hatchback, RoadDrive(duration=120.0, sampling_rate=60.0, snr=50.0), seed=3).recording
     window = window_of(drive, on_tyres)
-    similar = window_spectra(window, CornerSettings()).segments
+    spectra = window_spectra(window, CornerSettings())
+    similar = spectra.segments
     monkeypatch.setattr(module, "_of_similar_speed", lambda segments: segments)
     every = window_spectra(window, CornerSettings()).segments
     low, high = similar.speeds.min(), similar.speeds.max()
@@ -109,6 +111,9 @@ def test_windows_of_a_vehicle_with_a_rigid_axle_are_of_one_range_of_speed(hatchb
     np.testing.assert_array_equal(similar.values, every.values[inside])
     counts = [np.sum((one <= every.speeds) & (every.speeds <= 1.44 * one)) for one in every.speeds]
     assert similar.speeds.size == max(counts)
+    (note,) = completion._note_on_speeds((spectra,), on_tyres)
+    assert f"{low:.0f} to {high:.0f} m/s" in note
+    assert completion._note_on_speeds((spectra,), hatchback) == ()
 
 
 def test_a_vehicle_at_another_speed_is_the_one_that_is_built_for_it(on_tyres) -> None:

@@ -35,7 +35,7 @@ from sprung.calibration.fitting import (
     with_mode,
     with_mount,
 )
-from sprung.calibration.joint import DELAY, WindowSpectra, window_spectra
+from sprung.calibration.joint import DELAY, WindowSpectra, has_damping_by_speed, window_spectra
 from sprung.errors import DataError, ParameterError
 from sprung.likelihood import CornerSettings
 from sprung.likelihood.spectra import OVERCOUNT
@@ -385,7 +385,7 @@ def _completion(given: JointFit, vehicle: Vehicle, settings: CalibrationSettings
         model_errors_after=tuple(error for _, error in after),
         evidence_gain=_evidence_gain(fit, given),
         n_segments=tuple(n_segments),
-        notes=(*notes, *_notes(learnt)),
+        notes=(*notes, *_notes(learnt), *_note_on_speeds(free.windows, vehicle)),
     )
 
 
@@ -726,3 +726,14 @@ def _notes(learnt: Sequence[CalibratedNumber]) -> tuple[str, ...]:
     if not silent:
         return ()
     return (f"not determined by these drives, and left near the given values: {', '.join(silent)}",)
+
+
+def _note_on_speeds(windows: Sequence[WindowSpectra], vehicle: Vehicle) -> tuple[str, ...]:
+    """Return a remark on the range of speed of the drives that is used, where it is not all of them."""
+    if not has_damping_by_speed(vehicle):
+        return ()
+    speeds = np.concatenate([window.segments.speeds for window in windows])
+    return (
+        f"segments of one range of speed of each drive are used, {speeds.min():.0f} to {speeds.max():.0f} m/s in all: "
+        "side forces on rigid axles damp less at higher speeds",
+    )

@@ -536,9 +536,14 @@ def window_spectra(window: Window, settings: CornerSettings) -> WindowSpectra:
     late = speed_delay(segments, means, variations, lambda speeds: setup.at_speeds(segments, speeds)).value
     speeds = segment_speeds([motion], window.speed, length, delay=late)
     segments = steady_segments(segments, *speeds)
-    if any(axle.cornering_stiffness and axle.wheelset_mass for axle in window.vehicle.axle):
+    if has_damping_by_speed(window.vehicle):
         segments = _of_similar_speed(segments)
     return WindowSpectra(segments, layout, rigid, kind)
+
+
+def has_damping_by_speed(vehicle: Vehicle) -> bool:
+    """Return whether side forces of tyres, which damp less at higher speeds, act on rigid axles of a vehicle."""
+    return any(axle.cornering_stiffness and axle.wheelset_mass for axle in vehicle.axle)
 
 
 def _of_similar_speed(segments: SegmentSpectra) -> SegmentSpectra:

@@ -55,8 +55,8 @@ class ModeIdentifier:
     Modes of a complete window are those of the batch method. Until then a cheaper identification serves: the samples
     between one identification and the next are one record (`RunningSummary`), prepared and correlated once, at a rate
     for the modes of the body alone (`rate_for_body`). Lines, whose search takes half the time of an identification, are
-    sought in a complete window and taken over for an hour, unless a complete window shows no mode, or one that is damped
-    by at most 5 %, as a line would be: then they are sought, and the modes are identified anew.
+    sought in a complete window and taken over for an hour, unless a complete window shows no mode, or one damped by at
+    most 5 %, as a line would be: then they are sought, and the modes are identified anew.
     """
 
     def __init__(self, settings: MonitorSettings) -> None:
