@@ -209,3 +209,14 @@ def test_the_width_of_a_guess_is_the_prior(hatchback) -> None:
     assert std["front.tyre_stiffness"] == pytest.approx(0.2)
     assert std["acc_fl.x"] == pytest.approx(0.01)  # a tenth of the usual: a sensor may be moved
     assert std["rear.tyre_stiffness"] == 0.7
+
+
+@pytest.mark.parametrize(("wide", "width"), [(15e3, 0.1), (2e3, 0.04)])
+def test_cornering_stiffness_is_nearly_kept_where_drives_count_at_all_speeds(hatchback, on_tyres, wide, width) -> None:
+    """They would use it, and bars with it, for side forces that damp less at higher speeds."""
+    guess = LearntNumber(name="front.cornering_stiffness", value=50e3, std=wide)
+    independent = hatchback.model_copy(update={"axle": (on_tyres.axle[0], hatchback.axle[1]), "body": on_tyres.body})
+    for vehicle, expected in ((independent, width), (on_tyres, wide / 50e3)):
+        draft = explicit(vehicle.model_copy(update={"learnt": (guess,)}))
+        std = {number.name: number.std for number in with_widths(every(draft), draft)}
+        assert std["front.cornering_stiffness"] == pytest.approx(expected)

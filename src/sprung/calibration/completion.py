@@ -18,6 +18,7 @@ from sprung.calibration.draft import (
     component_numbers,
     explicit,
     file_numbers,
+    is_in_one_range,
     moved,
     sensor_numbers,
     with_widths,
@@ -35,7 +36,7 @@ from sprung.calibration.fitting import (
     with_mode,
     with_mount,
 )
-from sprung.calibration.joint import DELAY, WindowSpectra, has_damping_by_speed, window_spectra
+from sprung.calibration.joint import DELAY, WindowSpectra, window_spectra
 from sprung.errors import DataError, ParameterError
 from sprung.likelihood import CornerSettings
 from sprung.likelihood.spectra import OVERCOUNT
@@ -730,7 +731,7 @@ def _notes(learnt: Sequence[CalibratedNumber]) -> tuple[str, ...]:
 
 def _note_on_speeds(windows: Sequence[WindowSpectra], vehicle: Vehicle) -> tuple[str, ...]:
     """Return a remark on the range of speed of the drives that is used, where it is not all of them."""
-    if not has_damping_by_speed(vehicle):
+    if not is_in_one_range(vehicle):
         return ()
     speeds = np.concatenate([window.segments.speeds for window in windows])
     return (

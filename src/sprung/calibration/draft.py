@@ -210,8 +210,9 @@ class Widths:
     inertia: float = 0.1
     #: Stiffness of anti-roll bars.
     bar: float = 0.3
-    #: Cornering stiffness of tyres.
+    #: Cornering stiffness of tyres; and at most, whatever a file states, where drives count at all speeds.
     cornering: float = 0.3
+    cornering_at_all_speeds: float = 0.1
     #: Stiffness of the rubber that carries a damper.
     bushing: float = 0.6
     #: Gains of sensors.
@@ -395,15 +396,24 @@ def with_widths(numbers: Iterable[VehicleNumber], draft: Draft) -> tuple[Vehicle
     """Return numbers with the standard deviations that the file's table [[learnt]] states, if any.
 
     A file from a data sheet says how good its guesses are, an earlier calibration how well it knew a number; drives may
-    still move the latter by a tenth of what is usual.
+    still move the latter by a tenth of what is usual. Drives at all speeds would use cornering stiffness, and bars with
+    it, to imitate side forces that damp less at higher speeds: it keeps a narrow width.
     """
     stated = {entry.name: entry.std for entry in draft.vehicle.learnt if entry.std > 0}
-    return tuple(
-        replace(number, std=max(_relative(number, draft, stated[number.name]), WIDTHS.sure * number.std))
-        if number.name in stated
-        else number
-        for number in numbers
-    )
+    widest = np.inf if is_in_one_range(draft.vehicle) else WIDTHS.cornering_at_all_speeds
+
+    def width(number: VehicleNumber) -> float:
+        own = number.std
+        if number.name in stated:
+            own = max(_relative(number, draft, stated[number.name]), WIDTHS.sure * number.std)
+        return min(own, widest) if number.field == "cornering_stiffness" else own
+
+    return tuple(replace(number, std=width(number)) for number in numbers)
+
+
+def is_in_one_range(vehicle: Vehicle) -> bool:
+    """Return whether drives count in one range of speed, as side forces on rigid axles damp less at higher ones."""
+    return any(axle.cornering_stiffness and axle.wheelset_mass for axle in vehicle.axle)
 
 
 def _relative(number: VehicleNumber, draft: Draft, std: float) -> float:

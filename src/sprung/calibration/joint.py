@@ -10,7 +10,15 @@ import numpy as np
 from sprung._arrays import Complex, Indices, Real
 from sprung._checks import freeze
 from sprung._threads import one_thread
-from sprung.calibration.draft import SENSORS, Draft, VehicleNumber, channel_responses, motion_of, moved
+from sprung.calibration.draft import (
+    SENSORS,
+    Draft,
+    VehicleNumber,
+    channel_responses,
+    is_in_one_range,
+    motion_of,
+    moved,
+)
 from sprung.errors import DataError
 from sprung.likelihood import (
     ClassSpectra,
@@ -536,14 +544,9 @@ def window_spectra(window: Window, settings: CornerSettings) -> WindowSpectra:
     late = speed_delay(segments, means, variations, lambda speeds: setup.at_speeds(segments, speeds)).value
     speeds = segment_speeds([motion], window.speed, length, delay=late)
     segments = steady_segments(segments, *speeds)
-    if has_damping_by_speed(window.vehicle):
+    if is_in_one_range(window.vehicle):
         segments = _of_similar_speed(segments)
     return WindowSpectra(segments, layout, rigid, kind)
-
-
-def has_damping_by_speed(vehicle: Vehicle) -> bool:
-    """Return whether side forces of tyres, which damp less at higher speeds, act on rigid axles of a vehicle."""
-    return any(axle.cornering_stiffness and axle.wheelset_mass for axle in vehicle.axle)
 
 
 def _of_similar_speed(segments: SegmentSpectra) -> SegmentSpectra:
