@@ -29,6 +29,7 @@ from benchmarks.conditions import CALIBRATIONS, OBSERVATIONS, code_version
 from benchmarks.detection import binomial_interval
 from benchmarks.multibody.design import DESIGNS, Design, Effects, Faults, Rider, sensor_places
 from benchmarks.multibody.drive import RATE, Drive, driven, wheel_loads
+from benchmarks.multibody.larger_car import LARGER_CAR
 from benchmarks.multibody.truth import modes
 
 from sprung.calibration import DataSheet, calibrate, described
@@ -43,13 +44,15 @@ SHEETS = {
     "car": (("205/55R16",), 230e3, None, 5),
     "van": (("225/65R16",), 350e3, 2.5, 5),
     "bus": (("275/70R22.5", "2x275/70R22.5", "275/70R22.5"), 800e3, 3.1, 40),
+    "suv": (("235/60R18",), 240e3, None, 5),
 }
+VEHICLES = {**DESIGNS, "suv": LARGER_CAR}
+#: Effects that are not the usual ones: in curves of a car a bus often tips over, and larger struts rub more.
+OWN_EFFECTS = {"bus": {"cornering": 1.0}, "suv": {"friction": 55.0}}
 #: Windows that are diagnosed together: half an hour.
 TOGETHER = 3
 #: Kinds of conditions that a baseline has not met.
 KINDS = 5
-#: Standard deviation of the lateral acceleration of a bus in curves [m/s^2]: in those of a car it often tips over.
-CURVES_OF_BUS = 1.0
 #: Acceleration that no vehicle on its wheels reaches here [m/s^2].
 TIPPED = 80.0
 #: Frequency below which no seat has its own mode [Hz].
@@ -417,12 +420,12 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=Path.home() / ".cache" / "sprung-multibody")
     parser.add_argument("--out", type=Path)
     arguments = parser.parse_args()
-    effects = replace(Effects(), **{name: type(getattr(Effects(), name))(0) for name in arguments.without})
     lines = []
     with ProcessPoolExecutor(arguments.jobs) as work:
         for name in arguments.vehicles:
-            gentle = replace(effects, cornering=min(effects.cornering, CURVES_OF_BUS)) if name == "bus" else effects
-            for line in rows(Study(DESIGNS[name], arguments.folder, gentle), arguments, work):
+            usual = replace(Effects(), **OWN_EFFECTS.get(name, {}))
+            effects = replace(usual, **{effect: type(getattr(usual, effect))(0) for effect in arguments.without})
+            for line in rows(Study(VEHICLES[name], arguments.folder, effects), arguments, work):
                 print(line, flush=True)
                 lines.append(line)
     if arguments.out:
