@@ -11,11 +11,12 @@ from sprung.errors import DataError
 from sprung.identification import IdentificationSettings, RunningSummary, summarise
 from sprung.identification.settings import ACS
 from sprung.identification.steps import correlate, no_report
-from sprung.recording import Gap
+from sprung.recording import Channel, Gap
+from sprung.signals.harmonics import Harmonic
 
 
 def correlated(records, **settings):
-    wishes = IdentificationSettings(harmonics=(), **settings)
+    wishes = IdentificationSettings(**{"harmonics": (), **settings})
     return correlate(ACS, records, settings=wishes, vehicle=None, report=no_report).measured
 
 
@@ -45,6 +46,20 @@ def test_the_first_usable_record_makes_the_plan() -> None:
     assert found.plan == alone.plan
     np.testing.assert_array_equal(found.segments.sums, alone.segments.sums)
     assert [note.split(" left out")[0] for note in found.notes] == ["record 1", "record 2", "record 4"]
+
+
+def test_known_lines_of_a_wheel_have_the_band_of_the_speeds_of_all_records() -> None:
+    """Not of the recording that they were found in."""
+    wheel = Harmonic(0.5, "speed", (20.0, 30.0), 0.01, 15.0, ("a",))
+
+    def at(speed, seed):
+        record = run(seed)
+        samples = np.vstack([record.samples, np.full(record.n_samples, speed)])
+        return replace(record, samples=samples, channels=(*record.channels, Channel("speed", "speed")))
+
+    (line,) = correlated([at(10.0, 0), at(16.0, 1), at(12.0, 2)], segment=10.0, harmonics=(wheel,)).harmonics
+    assert line.band == (pytest.approx(4.95), pytest.approx(8.08))
+    assert replace(line, band=wheel.band) == wheel
 
 
 def test_short_gaps_every_half_second_name_the_option_that_bridges_them() -> None:

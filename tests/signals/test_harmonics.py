@@ -9,12 +9,14 @@ from scipy import signal
 from sprung.errors import DataError, ParameterError
 from sprung.excitation import QUARTER_CASES, RandomInputs
 from sprung.recording import Channel, Gap, Recording
+from sprung.signals.conditioning import SLOWEST
 from sprung.signals.harmonics import (
     Harmonic,
     find_harmonics,
     in_families,
     missing_multiples,
     near_harmonic,
+    with_present_bands,
     without_side_lines,
 )
 from sprung.simulation import simulate, usual_excitation
@@ -268,6 +270,20 @@ def test_the_lines_of_a_wheel_are_proportional_to_speed(spread) -> None:
     v = recording.samples[-1]
     assert once.band[0] == pytest.approx(0.516 * np.quantile(v, 0.05), rel=0.02)
     assert once.band[1] == pytest.approx(0.516 * np.quantile(v, 0.95), rel=0.02)
+
+
+def test_known_lines_sweep_the_bands_of_the_present_speeds() -> None:
+    wheel = Harmonic(0.516, "speed", (7.2, 11.6), 0.004, 15.0, ("c0",))
+    hum = Harmonic(50.0, "constant", (49.9, 50.1), 0.2, 15.0, ("c0",))
+    recording = drive(4.0, seed=2, duration=60.0)
+    v = recording.samples[-1]
+    slow, fast = np.quantile(v[v >= SLOWEST], (0.05, 0.95))
+    present, same = with_present_bands([wheel, hum], recording, speed="v")
+    assert present.band == (pytest.approx(0.514 * slow), pytest.approx(0.518 * fast))
+    assert (replace(present, band=wheel.band), same) == (wheel, hum)
+    at_rest = replace(recording, samples=recording.samples * np.array([[1], [1], [1], [1], [0]]))
+    assert with_present_bands([wheel, hum], at_rest, speed="v") == (wheel, hum)
+    assert with_present_bands([wheel, hum], recording, speed=None) == (wheel, hum)
 
 
 @pytest.mark.slow

@@ -25,7 +25,7 @@ from sprung.identification.planning import (
 from sprung.identification.settings import COV, IdentificationSettings, Method, Plan, PreparationPlan
 from sprung.recording import Channel, Recording
 from sprung.signals.data_faults import REST_DURATION, REST_RUN_SHARE, has_runs, stuck_runs
-from sprung.signals.harmonics import Harmonic, in_families, subtract_lines, without_side_lines
+from sprung.signals.harmonics import Harmonic, in_families, subtract_lines, with_present_bands, without_side_lines
 from sprung.signals.inspection import doubts_of, inspect
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles.labels import plausibility_notes
@@ -336,10 +336,11 @@ class RunningRecords:
 def _harmonics(
     recording: Recording, plan: PreparationPlan, settings: IdentificationSettings, vehicle: AnyVehicle | None
 ) -> tuple[Harmonic, ...]:
-    """Return the known harmonics, or those that the record shows."""
+    """Return the known harmonics, in the bands of this record, or those that it shows."""
+    speed = speed_channel(recording, vehicle)
     if settings.harmonics is not None:
-        return settings.harmonics
-    return search_harmonics(recording, plan, speed=speed_channel(recording, vehicle))
+        return with_present_bands(settings.harmonics, recording, speed=speed)
+    return search_harmonics(recording, plan, speed=speed)
 
 
 def _is_by_level(method: Method, settings: IdentificationSettings) -> bool:
@@ -384,7 +385,10 @@ def _correlate(
 
 
 def _common_harmonics(records: Sequence[Sequence[Harmonic]]) -> tuple[Harmonic, ...]:
-    """Return the lines that at least half of the records show, each as in the record where it is most prominent."""
+    """Return the lines that at least half of the records show, each as in the record where it is most prominent.
+
+    Lines proportional to speed have the band of all records.
+    """
     lines = sorted((line for lines in records for line in lines), key=lambda line: -line.prominence)
     n_records = sum(_same(lines, others).any(axis=1) for others in records) if lines else np.zeros(0)
     common = [
@@ -395,8 +399,16 @@ def _common_harmonics(records: Sequence[Sequence[Harmonic]]) -> tuple[Harmonic, 
     for row in range(len(common)):
         if not is_same[row, kept].any():
             kept.append(row)
-    chosen = sorted((common[row] for row in kept), key=lambda line: (line.kind, line.frequency))
+    chosen = [_over_all(common[row], [common[k] for k in np.flatnonzero(is_same[row])]) for row in kept]
+    chosen.sort(key=lambda line: (line.kind, line.frequency))
     return without_side_lines(in_families(chosen) if len(records) > 1 else chosen)
+
+
+def _over_all(line: Harmonic, same: Sequence[Harmonic]) -> Harmonic:
+    """Return a line with the band that it sweeps in all records if it is proportional to speed."""
+    if line.kind != "speed":
+        return line
+    return replace(line, band=(min(each.band[0] for each in same), max(each.band[1] for each in same)))
 
 
 def _same(lines: Sequence[Harmonic], others: Sequence[Harmonic]) -> Booleans:

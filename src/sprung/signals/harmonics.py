@@ -194,13 +194,13 @@ def find_harmonics(
     constant = _drifting_together(
         [replace(line, kind="drifting") if line.resolution > SEARCH.drifting * finest else line for line in constant]
     )
-    if speed is None or not moving_parts(recording, speed, minimum_speed=SLOWEST):
+    speeds = _speeds(recording, speed)
+    if speed is None or speeds is None:
         return constant
-    moving = while_moving(recording, speed)
-    v = moving.samples[moving.index(speed)]
-    slow, low, middle, high, fast = (float(q) for q in np.quantile(v, (0.05, 0.25, 0.5, 0.75, 0.95)))
+    slow, low, middle, high, fast = speeds
     if high - low < _HARMONICS.min_spread * middle:
         return constant
+    moving = while_moving(recording, speed)
     along = over_distance(moving, speed, interval=middle / recording.sampling_rate, channels=names)
     lines = _speed_lines(along, moving.select(names), (low, middle, high), false_alarm_rate)
     following = _as_harmonics(lines, names, "speed", (slow, fast))
@@ -211,6 +211,45 @@ def find_harmonics(
         )
 
     return tuple(line for line in constant if not is_swept(line)) + following
+
+
+def with_present_bands(lines: Sequence[Harmonic], recording: Recording, *, speed: str | None) -> tuple[Harmonic, ...]:
+    """Return known lines with those proportional to speed in the bands that they sweep in a recording.
+
+    Parameters
+    ----------
+    lines
+        Lines, such as those of an earlier recording of the vehicle.
+    recording
+        Recording with the speed.
+    speed
+        Name of the channel with the speed [m/s]; None, or a recording at rest: bands stay as they are.
+
+    Raises
+    ------
+    ParameterError
+        If the speed channel does not exist.
+    """
+    speeds = _speeds(recording, speed)
+    if speeds is None:
+        return tuple(lines)
+    slow, *_, fast = speeds
+    return tuple(replace(line, band=_band(line, (slow, fast))) if line.kind == "speed" else line for line in lines)
+
+
+def _speeds(recording: Recording, speed: str | None) -> tuple[float, ...] | None:
+    """Return quantiles of the speed while the vehicle moves (5, 25, 50, 75, 95 %); None without speed or at rest."""
+    parts = [] if speed is None else moving_parts(recording, speed, minimum_speed=SLOWEST)
+    if speed is None or not parts:
+        return None
+    v = recording.samples[recording.index(speed)]
+    return tuple(map(float, np.quantile(np.concatenate([v[part] for part in parts]), (0.05, 0.25, 0.5, 0.75, 0.95))))
+
+
+def _band(line: Line | Harmonic, speeds: tuple[float, float]) -> tuple[float, float]:
+    """Return the frequencies [Hz] that a line sweeps between two speeds."""
+    half = line.resolution / 2
+    return (line.frequency - half) * speeds[0], (line.frequency + half) * speeds[1]
 
 
 def near_harmonic(
@@ -525,8 +564,7 @@ def _as_harmonics(
     harmonics = []
     for i, line in enumerate(lines):
         fundamental, order = families.get(i, (None, 1))
-        half = line.resolution / 2
-        band = ((line.frequency - half) * speeds[0], (line.frequency + half) * speeds[1])
+        band = _band(line, speeds)
         shown = tuple(names[row] for row in sorted(line.rows))
         harmonics.append(
             Harmonic(line.frequency, kind, band, line.resolution, line.prominence, shown, fundamental, order)
