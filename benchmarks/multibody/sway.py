@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from benchmarks.multibody.__main__ import Study, ordinary, recording, sheet_file
 from benchmarks.multibody.design import DESIGNS, QUIET, Axle, Effects
-from benchmarks.multibody.truth import modes, rates
+from benchmarks.multibody.truth import modes, rates, roll_centre
 
 from sprung.likelihood.fitting import fit_windows
 from sprung.vehicles import Vehicle
@@ -30,7 +30,6 @@ from sprung.vehicles.window import window_of
 SEAT = 0.66  # distance of the springs of a rigid axle from the middle, over half the track
 GYRATION = 0.75  # radius of gyration of a rigid axle in roll, over half the track
 LOAD = 100.0  # of driver and luggage, about [kg]
-ROLL_CENTRES = {"macpherson": 0.1, "trailing": 0.0, "wishbone": 0.15}  # above the road, about [m]
 HIGHEST = 3.0  # of the modes shown [Hz]
 SEED = 100
 
@@ -55,7 +54,7 @@ def true_file(study: Study, *, has_rigid_axles: bool, has_side_forces: bool = Fa
             fields |= {"spring_stiffness": part.spring, "damping": part.damper}
             fields |= _rigid(part) if has_rigid_axles else {}
         fields["cornering_stiffness"] = part.cornering if has_side_forces else None
-        fields["roll_centre_height"] = ROLL_CENTRES.get(part.linkage, part.radius + 0.02)
+        fields["roll_centre_height"] = roll_centre(design, study.effects, part.name)
         axles.append(axle.model_copy(update=fields))
     roll, pitch, yaw = design.inertia
     inertias = {"pitch_inertia": pitch, "roll_inertia": roll, "yaw_inertia": yaw, "height": design.height}

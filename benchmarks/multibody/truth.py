@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
-from benchmarks.multibody.design import Design, Effects, Faults, Rider
+from benchmarks.multibody.design import SIDES, Design, Effects, Faults, Rider
 from benchmarks.multibody.drive import STEP, Car, Prepared, ratios_at_wheels, tendon_jacobian
 
 #: Coordinates of the body by which a mode is known.
@@ -49,21 +49,7 @@ def modes(
     Dampers have their slope at small velocity, and friction is off.
     """
     car = Car(design, replace(effects, valves=False, friction=0.0), riders, faults)
-    model, data = car.model, car.data
-    rest = standing(20_000, speed, len(car.corners))
-    car.steps(rest, 20_000)
-    sizes = (model.nq, model.nv, model.na)
-    start = np.concatenate([data.qpos, data.qvel, data.act])
-
-    def after(state: np.ndarray) -> np.ndarray:
-        mujoco.mj_resetData(model, data)
-        data.qpos[:], data.qvel[:], data.act[:] = np.split(state, np.cumsum(sizes)[:2])
-        mujoco.mj_forward(model, data)
-        car.steps(rest, 1)
-        return np.concatenate([data.qpos, data.qvel, data.act])
-
-    steps = 1e-6 * np.eye(start.size)
-    matrix = np.array([(after(start + step) - after(start - step)) / 2e-6 for step in steps]).T
+    matrix, _ = one_step(car, speed)
     values, vectors = np.linalg.eig(matrix)
     with np.errstate(divide="ignore"):
         poles = np.log(values) / STEP
@@ -72,11 +58,44 @@ def modes(
         frequency = abs(pole) / (2 * np.pi)
         if pole.imag > 1e-6 and 0.3 < frequency < highest:
             body = np.abs(vector[[2, 4, 5]]) * [1.0, 0.5 * np.ptp(car.places), design.axles[0].half_track]
-            wheels = max(abs(vector[6 : model.nq]))
+            wheels = max(abs(vector[6 : car.model.nq]))
             if body.max() > 0.02 * wheels:
                 shares = dict(zip(MOTIONS, body / body.sum(), strict=True))
                 found.append(Mode(frequency, -pole.real / abs(pole), shares))
     return sorted(found, key=lambda mode: mode.frequency)
+
+
+def one_step(car: Car, speed: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return what a step of the engine makes of its state and of the roads under the tyres, about the rest position."""
+    model, data, corners = car.model, car.data, len(car.corners)
+    car.steps(standing(20_000, speed, corners), 20_000)
+    sizes = (model.nq, model.nv, model.na)
+    start, level = np.concatenate([data.qpos, data.qvel, data.act]), np.zeros(corners)
+
+    def after(state: np.ndarray, road: np.ndarray) -> np.ndarray:
+        mujoco.mj_resetData(model, data)
+        data.qpos[:], data.qvel[:], data.act[:] = np.split(state, np.cumsum(sizes)[:2])
+        mujoco.mj_forward(model, data)
+        car.steps(standing(1, speed, corners)._replace(road=road[None]), 1)
+        return np.concatenate([data.qpos, data.qvel, data.act])
+
+    states, roads = 1e-6 * np.eye(start.size), 1e-6 * np.eye(corners)
+    by_state = np.array([(after(start + step, level) - after(start - step, level)) / 2e-6 for step in states]).T
+    by_road = np.array([(after(start, step) - after(start, -step)) / 2e-6 for step in roads]).T
+    return by_state, by_road
+
+
+def roll_centre(design: Design, effects: Effects, axle: str) -> float:
+    """Return the height of the roll centre of an axle: how far its patch moves aside as its wheel moves up."""
+    model = Car(design, effects).model
+    corners = tuple(f"{each.name}_{side}" for each in design.axles for side in SIDES)
+    _, travel, data = ratios_at_wheels(model, corners)
+    patch, jacobian = model.site(f"{axle}_left.patch").id, np.zeros((3, model.nv))
+    mujoco.mj_jacSite(model, data, jacobian, None, patch)
+    _, aside, up = jacobian @ travel[:, corners.index(f"{axle}_left")]
+    own = next(each for each in design.axles if each.name == axle)
+    lever = 2.0 if own.linkage == "rigid" else 1.0  # a rigid axle turns about the other wheel
+    return float(lever * own.half_track * aside / up)
 
 
 def rates(design: Design, effects: Effects, faults: Faults | None = None) -> dict[str, Rates]:

@@ -327,6 +327,23 @@ def test_a_second_part_is_named_only_where_it_explains_what_the_first_does_not()
 
 
 @pytest.mark.parametrize(
+    ("of_first", "of_second", "is_pair"),
+    [(0.37, -0.14, False), (-0.25, -0.14, False), (-0.25, -0.2, True), (0.37, -0.25, True)],
+)
+def test_a_second_part_beside_a_damper_changes_more_than_friction_makes_it_seem_to(
+    of_first, of_second, is_pair
+) -> None:
+    """Six times the friction at the front left of a multibody car, where the damper behind it was healthy."""
+    dampers = Hypothesis("pair", "front_left", "damper", Component("rear_left", "damper"))
+    first, second = (Size(size, (size - 0.07, size + 0.07), 8.0) for size in (of_first, of_second))
+    alone = [(part, 50.0, 600.0, (size,)) for part, size in zip(dampers.changes, (first, second), strict=True)]
+    candidates = [(dampers, 60.0, 900.0, (first, second)), *alone]
+    every = tuple(Candidate(*one, 0.0, (0.0, 0.0)) for one in candidates)
+    best, _ = assessment._best_two(Detection(np.zeros(3), np.full(3, 60.0), 60.0, 10.8, every, {}))
+    assert (best.hypothesis == dampers) == is_pair
+
+
+@pytest.mark.parametrize(
     ("of_damper", "closest"), [(6.58, "front_right.spring"), (1.9, "front_right.damper"), (-0.97, "front_right.damper")]
 )
 def test_a_second_hypothesis_is_a_possible_change(of_damper, closest) -> None:

@@ -56,6 +56,9 @@ class NamingRules:
     #: Apparent change of another part for a unit change of one (both ln), by nonlinearity and errors of the file:
     #: standard deviation.
     leak: float = 0.1
+    #: The same for a unit change of a damper, as friction and valves are not linear: with six times the friction of one
+    #: strut of a multibody car, the damper behind it read 0.3 to 0.5 times that change softer.
+    leak_of_damper: float = 0.2
     #: Number of standard deviations, of this and of chance, by which the second part of a pair must change.
     clearly: float = 3.0
     #: Share of what the better part of a pair explains alone that the other one must add to it.
@@ -463,12 +466,12 @@ def _is_distinct(pair: Candidate) -> bool:
     Of two anti-roll bars none becomes stiffer as the other is lost: sensors on the body see their sum far better than
     each of them, and an error of their shares reads so.
     """
-    if all(change.component == "anti_roll" for change in pair.hypothesis.changes):
-        changes = [size.change for size in pair.sizes]
-        if min(changes) < 0 < max(changes):
-            return False
-    (small, score), (large, _) = sorted((abs(np.log1p(size.change)), size.score) for size in pair.sizes)
-    return bool(small > RULES.clearly * np.hypot(small / score, RULES.leak * large))
+    parts, changes = pair.hypothesis.changes, [np.log1p(size.change) for size in pair.sizes]
+    if all(part.component == "anti_roll" for part in parts) and min(changes) < 0 < max(changes):
+        return False
+    smaller, larger = np.argsort(np.abs(changes))
+    leak = (RULES.leak_of_damper if parts[larger].component == "damper" else RULES.leak) * changes[larger]
+    return bool(abs(changes[smaller]) > RULES.clearly * np.hypot(changes[smaller] / pair.sizes[smaller].score, leak))
 
 
 def _is_needed(pair: Candidate, alone: Mapping[Hypothesis, float]) -> bool:
