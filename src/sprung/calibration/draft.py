@@ -396,8 +396,8 @@ def with_widths(numbers: Iterable[VehicleNumber], draft: Draft) -> tuple[Vehicle
     """Return numbers with the standard deviations that the file's table [[learnt]] states, if any.
 
     A file from a data sheet says how good its guesses are, an earlier calibration how well it knew a number; drives may
-    still move the latter by a tenth of what is usual. Drives at all speeds would use cornering stiffness, and bars with
-    it, to imitate side forces that damp less at higher speeds: it keeps a narrow width.
+    still move the latter by a tenth of what is usual. Drives would use cornering stiffness, and bars with it, for what
+    the model lacks of a body that turns and leans: where drives count at all speeds, it keeps a narrow width.
     """
     stated = {entry.name: entry.std for entry in draft.vehicle.learnt if entry.std > 0}
     widest = np.inf if is_in_one_range(draft.vehicle) else WIDTHS.cornering_at_all_speeds
