@@ -137,6 +137,8 @@ NOTHING, REAR, FRONT_LEFT = (0.0,) * 4, (0.0, 0.0, 0.25, 0.25), (0.05, 0.0, 0.0,
         ({"rear_right.spring": 0.5}, FRONT_LEFT, (True, [])),
         ({"front_left.spring": -0.2}, FRONT_LEFT, (True, [])),
         ({"rear_right.damper": -0.3}, REAR, (True, [HIDDEN])),
+        ({"rear_right.damper": -0.1}, NOTHING, (True, [])),
+        ({"rear_right.damper": -0.1}, REAR, (False, ["the change of rear-right damper is within what bump", HIDDEN])),
     ],
 )
 def test_a_spring_that_a_load_brings_on_its_bump_stop_is_not_named(healthy, faulty, change, rises, expected) -> None:
@@ -312,18 +314,20 @@ def test_a_second_part_is_named_only_where_it_explains_what_the_first_does_not()
     left, right = tyres.changes
     first, second = Size(0.10, (0.05, 0.14), 4.5), Size(-0.18, (-0.21, -0.14), 9.5)
 
-    def named(of_pair, of_right):
+    def named(of_pair, of_right, of_other=100.0):
         candidates = [
             (tyres, 114.3, of_pair, (first, second)),
             (Hypothesis("else", "vehicle", "unmodelled"), 107.2, 1208.9, ()),
             (right, 106.8, of_right, (Size(-0.24, (-0.26, -0.22), 29.9),)),
             (left, 20.0, 300.0, (first,)),
+            (Hypothesis("single", "rear_right", "spring"), 10.0, of_other, (second,)),
         ]
         every = tuple(Candidate(*one, 0.0, (0.0, 0.0)) for one in candidates)
         return assessment._best_two(Detection(np.zeros(3), np.full(3, 110.0), 109.0, 10.8, every, {}))[0].hypothesis
 
     assert named(1213.0, 1190.0) == right
     assert named(1213.0, 900.0) == tyres
+    assert named(1213.0, 900.0, 1100.0).scope != "pair"
 
 
 @pytest.mark.parametrize(

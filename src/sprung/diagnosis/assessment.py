@@ -61,7 +61,7 @@ class NamingRules:
     leak_of_damper: float = 0.2
     #: Number of standard deviations, of this and of chance, by which the second part of a pair must change.
     clearly: float = 3.0
-    #: Share of what the better part of a pair explains alone that the other one must add to it.
+    #: Share of what the best part explains alone that a pair must add to it.
     more: float = 0.2
     #: Margin around the range of a condition in the baseline within which a window is comparable, over that range.
     room: float = 0.5
@@ -475,8 +475,8 @@ def _is_distinct(pair: Candidate) -> bool:
 
 
 def _is_needed(pair: Candidate, alone: Mapping[Hypothesis, float]) -> bool:
-    """Return whether a pair explains clearly more than the better of its parts alone."""
-    return pair.explained > (1 + RULES.more) * max(alone[part] for part in pair.hypothesis.changes)
+    """Return whether a pair explains clearly more than the best of all parts alone, its own or not."""
+    return pair.explained > (1 + RULES.more) * max(alone.values())
 
 
 def _words(candidate: Candidate) -> str:

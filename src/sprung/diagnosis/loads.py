@@ -27,6 +27,9 @@ class LoadSettings:
     #: a gap g it is the ratio of Mills at g over the RMS of travel, 1.25 at no gap and 0.66 at one RMS.
     excess: float = 1.0
     excess_std: float = 0.5
+    #: Standard deviation of ln of a damper over the largest of these rises: behind a corner that had sunk on its stop
+    #: one read 11 % softer.
+    of_damper: float = 0.2
     #: Standard deviation over the model error of ln(left / right) and ln(front / rear) of each kind of part, and of
     #: ln of an anti-roll bar.
     left_right: float = 0.5
@@ -120,13 +123,16 @@ def in_doubt(baseline: Baseline, stops: Stops, findings: Sequence[Finding]) -> B
     -----
     The mean of springs that stiffen inwards more than others is higher, and all the less certain. Where no single part
     explains the change, or an anti-roll bar is named, the mean is less certain by the error of the vehicle file, too:
-    parts that a load or road moves together by a share of it are no change of the vehicle. Dampers and tyres alone have
-    nothing to do with bump stops.
+    parts that a load or road moves together by a share of it are no change of the vehicle. Tyres alone have nothing to
+    do with bump stops; dampers of all corners read otherwise by a share of what one of them meets more than others.
     """
-    if all(finding.component.endswith(("damper", "tyre")) for finding in findings):
+    if all(finding.component.endswith("tyre") for finding in findings):
         return baseline
     size = len(baseline.components)
-    doubt = np.diag((SETTINGS.excess_std * stops.rises) ** 2)
+    is_damper = np.array([part.kind == "damper" for part in baseline.components])
+    doubt = np.diag(SETTINGS.of_damper**2 * is_damper * stops.rises.max(initial=0.0) ** 2)
+    if not all(finding.component.endswith(("damper", "tyre")) for finding in findings):
+        doubt = doubt + np.diag((SETTINGS.excess_std * stops.rises) ** 2)
     if any(finding.component in {"unmodelled", "anti_roll"} for finding in findings):
         is_bar = np.array([part.kind == "anti_roll" for part in baseline.components])
         pairs, ends, _ = directions(baseline.components)
