@@ -264,7 +264,7 @@ def rolls(study: Study, learning: list[Observation], drives: list[Drive]) -> str
             continue
         speed = each.conditions["speed"]
         of_body = modes(study.design, study.effects, speed=speed, riders=drive.riders, highest=LOWEST_OF_SEATS)
-        true = max(of_body, key=lambda mode: mode.shares["roll"])
+        true = max(of_body, key=lambda mode: mode.shares["roll"] / mode.damping_ratio)  # others sway on the tyres
         found.append(each.modes["roll"])
         errors.append(np.array(each.modes["roll"]) / [true.frequency, true.damping_ratio] - 1)
     (low, low_ratio), (high, high_ratio) = np.min(found, axis=0), np.max(found, axis=0)

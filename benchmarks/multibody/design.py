@@ -512,7 +512,7 @@ def tyre(tree: Tree, corner: str, axle: Axle) -> None:
         site=f"{corner}.patch",
         gear=(0, 1, 0, 0, 0, 0),
         dyntype="filter",
-        dynprm=0.02,
+        dynprm=0.02,  # [s]; each step of a drive has that of its speed
         **common,
     )
 

@@ -18,6 +18,8 @@ SETTLE = 15.0  # seconds before the recording
 ROUGHNESS = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6}  # at 0.1 cycles per metre [m^3] (ISO 8608)
 SPACING = 0.02  # of the road's profile [m]
 GRAVITY = 9.81
+#: Relaxation length of a tyre over its radius.
+RELAXATION = 1.2
 
 engine = ctypes.CDLL(str(next(Path(mujoco.__file__).parent.glob("libmujoco.*"))))
 mj_step = engine.mj_step
@@ -96,6 +98,7 @@ class Car:
             extends=np.where(self.model.actuator_trntype[valves] == joint, -1.0, 1.0),
             cornering=np.array([axle.cornering for axle in self.corners.values()]) * effects.side_forces,
             steers=np.array([float(axle.steers) for axle in self.corners.values()]),
+            relaxation=np.array([RELAXATION * axle.radius for axle in self.corners.values()]),
         )
         self.mass = float(self.model.body_mass.sum())
         if effects.valves:
@@ -138,6 +141,7 @@ class Car:
             self.data.actuator_velocity,
             self.data.qpos,
             self.model.opt.gravity,
+            self.model.actuator_dynprm,
             self.data.sensordata,
         )
         _take(state, self.controls, prepared, felt)
@@ -155,6 +159,7 @@ class Controls(NamedTuple):
     extends: np.ndarray  # sign of the length of a damper
     cornering: np.ndarray  # [N/rad]
     steers: np.ndarray  # 1 for a wheel that does
+    relaxation: np.ndarray  # distance rolled until a side force has grown to all but 1/e [m]
 
 
 class State(NamedTuple):
@@ -166,6 +171,7 @@ class State(NamedTuple):
     velocity: np.ndarray
     qpos: np.ndarray
     gravity: np.ndarray
+    lags: np.ndarray  # of actuators, the first of each row is a time [s]
     sensors: np.ndarray
 
 
@@ -191,6 +197,7 @@ def _take(state: State, of: Controls, way: Prepared, felt: np.ndarray) -> None:
             ctrl[of.along[wheel]] = way.along[k, wheel]
             slip = yaw + steering * of.steers[wheel] - velocity[of.sides[wheel]] / way.speed[k]
             ctrl[of.sides[wheel]] = of.cornering[wheel] * slip
+            state.lags[of.sides[wheel], 0] = of.relaxation[wheel] / way.speed[k]
             u = of.extends[wheel] * velocity[of.valves[wheel]]
             ctrl[of.valves[wheel]] = -of.extends[wheel] * of.dampers[wheel] * (law(u) - 0.35 * u)
         state.gravity[:2] = way.pull[k]

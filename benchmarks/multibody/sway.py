@@ -20,6 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from benchmarks.multibody.__main__ import Study, ordinary, recording, sheet_file
 from benchmarks.multibody.design import DESIGNS, QUIET, Axle, Effects
+from benchmarks.multibody.drive import RELAXATION
 from benchmarks.multibody.truth import modes, rates, roll_centre
 
 from sprung.likelihood.fitting import fit_windows
@@ -54,6 +55,7 @@ def true_file(study: Study, *, has_rigid_axles: bool, has_side_forces: bool = Fa
             fields |= {"spring_stiffness": part.spring, "damping": part.damper}
             fields |= _rigid(part) if has_rigid_axles else {}
         fields["cornering_stiffness"] = part.cornering if has_side_forces else None
+        fields["relaxation_length"] = RELAXATION * part.radius
         fields["roll_centre_height"] = roll_centre(design, study.effects, part.name)
         axles.append(axle.model_copy(update=fields))
     roll, pitch, yaw = design.inertia

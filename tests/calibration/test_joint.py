@@ -71,6 +71,7 @@ def test_height_cornering_stiffness_and_rigid_axle_come_out_of_exact_spectra(on_
     draft = explicit(on_tyres)
     true = {
         "body.height": 0.08, "front.cornering_stiffness": 0.3, "rear.cornering_stiffness": -0.2,
+        "front.roll_centre_height": 0.04, "rear.relaxation_length": 0.2,
         "rear.half_track": -0.1, "rear.wheelset_roll_inertia": 0.1, "rear_left.spring": 0.05,
     }  # fmt: skip
     numbers = tuple(number for number in every(draft) if number.name in true)
@@ -121,6 +122,10 @@ def test_a_vehicle_at_another_speed_is_the_one_that_is_built_for_it(on_tyres) ->
     vehicles = structure_at_speed(draft.structure(), 27.0), structure(draft.vehicle, speed=27.0)
     found, built = ([(one.stiffness, one.damping) for one in vehicle.elements] for vehicle in vehicles)
     np.testing.assert_allclose(found, built, rtol=1e-12)
+    turning = [vehicle.rolling for vehicle in vehicles if vehicle.rolling is not None]
+    np.testing.assert_allclose(turning[0], turning[1], rtol=1e-12)
+    turning = [vehicle.rolling for vehicle in vehicles if vehicle.rolling is not None]
+    np.testing.assert_allclose(turning[0], turning[1], rtol=1e-12)
 
 
 def test_windows_at_other_speeds_share_the_derivatives_of_the_file(on_tyres, window_of_data, monkeypatch) -> None:
@@ -209,14 +214,3 @@ def test_the_width_of_a_guess_is_the_prior(hatchback) -> None:
     assert std["front.tyre_stiffness"] == pytest.approx(0.2)
     assert std["acc_fl.x"] == pytest.approx(0.01)  # a tenth of the usual: a sensor may be moved
     assert std["rear.tyre_stiffness"] == 0.7
-
-
-@pytest.mark.parametrize(("wide", "width"), [(15e3, 0.1), (2e3, 0.04)])
-def test_cornering_stiffness_is_nearly_kept_where_drives_count_at_all_speeds(hatchback, on_tyres, wide, width) -> None:
-    """They would use it, and bars with it, for side forces that damp less at higher speeds."""
-    guess = LearntNumber(name="front.cornering_stiffness", value=50e3, std=wide)
-    independent = hatchback.model_copy(update={"axle": (on_tyres.axle[0], hatchback.axle[1]), "body": on_tyres.body})
-    for vehicle, expected in ((independent, width), (on_tyres, wide / 50e3)):
-        draft = explicit(vehicle.model_copy(update={"learnt": (guess,)}))
-        std = {number.name: number.std for number in with_widths(every(draft), draft)}
-        assert std["front.cornering_stiffness"] == pytest.approx(expected)

@@ -40,6 +40,8 @@ class SheetRules:
     #: Height of the centre of gravity over the wheelbase, and over the height of a vehicle of which it is known.
     height: float = 0.2
     height_of_box: float = 0.36
+    #: Roll centre of an axle with independent suspension [m]; that of a rigid one is at the height of its hubs.
+    roll_centre: float = 0.06
     #: Load above which an axle of a vehicle of known height is taken to be rigid, also in front [kg].
     heavy: float = 3500.0
     #: Distance of the springs of a rigid axle from the middle, and its radius of gyration, over half the track.
@@ -379,7 +381,7 @@ def _axle(sheet: DataSheet, index: int, x: float, load: float) -> Axle:
         )
     spring = ride * tyre / (tyre - ride)
     half, wheel = sheet.track / 2, round(sheet.wheels[index], 2)
-    unsprung: dict[str, float] = {"half_track": half, "unsprung_mass": wheel}
+    unsprung: dict[str, float] = {"half_track": half, "unsprung_mass": wheel, "roll_centre_height": RULES.roll_centre}
     if sheet.are_rigid[index]:
         unsprung = {
             "half_track": round(RULES.spring_base * half, 4),

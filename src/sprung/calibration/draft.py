@@ -191,9 +191,8 @@ def channel_responses(draft: Draft, given: Draft, channels: Sequence[str], frequ
 
 def motion_of(channels: Sequence[str], vehicle: Structure) -> Real:
     """Return the reading of channels for one unit of acceleration of each coordinate, shape (channels, n)."""
-    outputs = vehicle.outputs
-    rows = [outputs.names.index(name) for name in channels]
-    return np.asarray((outputs.acceleration + outputs.velocity + outputs.displacement)[rows], dtype=np.float64)
+    rows = [vehicle.outputs.names.index(name) for name in channels]
+    return vehicle.outputs.motion[rows]
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,9 +209,11 @@ class Widths:
     inertia: float = 0.1
     #: Stiffness of anti-roll bars.
     bar: float = 0.3
-    #: Cornering stiffness of tyres; and at most, whatever a file states, where drives count at all speeds.
+    #: Cornering stiffness of tyres.
     cornering: float = 0.3
-    cornering_at_all_speeds: float = 0.1
+    #: Height of the roll centre of an axle [m], and relaxation length of its tyres.
+    roll_centre: float = 0.04
+    relaxation: float = 0.3
     #: Stiffness of the rubber that carries a damper.
     bushing: float = 0.6
     #: Gains of sensors.
@@ -253,10 +254,10 @@ COMPONENT_FIELDS = {
 _WHEELS = {
     "unsprung_mass": (WIDTHS.wheel, "kg"),
     "anti_roll_stiffness": (WIDTHS.bar, "N/m"),
-    "cornering_stiffness": (WIDTHS.cornering, "N/rad"),
     "wheelset_mass": (WIDTHS.wheel, "kg"),
     "wheelset_roll_inertia": (WIDTHS.axle, "kg m2"),
 }
+_TYRES = {"cornering_stiffness": (WIDTHS.cornering, "N/rad"), "roll_centre_height": (WIDTHS.roll_centre, "m")}
 _MOUNTED = {
     "mass": (WIDTHS.mount_mass, "kg"),
     "frequency": (WIDTHS.mount_frequency, "Hz"),
@@ -345,7 +346,11 @@ def file_numbers(draft: Draft, channels: Sequence[str]) -> tuple[VehicleNumber, 
 def _wheel_numbers(draft: Draft, index: int, axle: str) -> Iterator[VehicleNumber]:
     """Yield what is below the springs of an axle, and the distance of the springs of a rigid one."""
     place: tuple[str, int] = ("axle", index)
-    yield from _entries(draft, place, axle, "wheels", _WHEELS)
+    holds = draft.vehicle.axle[index].cornering_stiffness is not None
+    yield from _entries(draft, place, axle, "wheels", _WHEELS | _TYRES if holds else _WHEELS)
+    if holds:
+        where = (*place, "relaxation_length")
+        yield VehicleNumber(f"{axle}.relaxation_length", "wheels", WIDTHS.relaxation, True, where, "m")
     if draft.vehicle.axle[index].wheelset_mass is not None:
         yield VehicleNumber(f"{axle}.half_track", "wheels", WIDTHS.axle, True, (*place, "half_track"), "m")
 
@@ -396,19 +401,15 @@ def with_widths(numbers: Iterable[VehicleNumber], draft: Draft) -> tuple[Vehicle
     """Return numbers with the standard deviations that the file's table [[learnt]] states, if any.
 
     A file from a data sheet says how good its guesses are, an earlier calibration how well it knew a number; drives may
-    still move the latter by a tenth of what is usual. Drives would use cornering stiffness, and bars with it, for what
-    the model lacks of a body that turns and leans: where drives count at all speeds, it keeps a narrow width.
+    still move the latter by a tenth of what is usual.
     """
     stated = {entry.name: entry.std for entry in draft.vehicle.learnt if entry.std > 0}
-    widest = np.inf if is_in_one_range(draft.vehicle) else WIDTHS.cornering_at_all_speeds
-
-    def width(number: VehicleNumber) -> float:
-        own = number.std
-        if number.name in stated:
-            own = max(_relative(number, draft, stated[number.name]), WIDTHS.sure * number.std)
-        return min(own, widest) if number.field == "cornering_stiffness" else own
-
-    return tuple(replace(number, std=width(number)) for number in numbers)
+    return tuple(
+        replace(number, std=max(_relative(number, draft, stated[number.name]), WIDTHS.sure * number.std))
+        if number.name in stated
+        else number
+        for number in numbers
+    )
 
 
 def is_in_one_range(vehicle: Vehicle) -> bool:

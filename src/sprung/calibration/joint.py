@@ -181,7 +181,9 @@ class FileNumbers(ParameterBlock):
 
 def structure_at_speed(vehicle: Structure, speed: float) -> Structure:
     """Return a vehicle, built at the usual speed, at another one [m/s]."""
-    return replace(vehicle, elements=tuple(_at_speed(element, speed) for element in vehicle.elements))
+    damping, stiffness = vehicle.rolling or (None, None)
+    turning = None if damping is None or stiffness is None else (damping * speed / ROLLING.speed, stiffness)
+    return replace(vehicle, elements=tuple(_at_speed(element, speed) for element in vehicle.elements), rolling=turning)
 
 
 def _at_speed(element: Element, speed: float) -> Element:
@@ -282,7 +284,7 @@ def _structural_change(
 def _side_forces(above: Structure, below: Structure, *, step: float) -> tuple[tuple[float, Element], ...]:
     """Return the weighted elements whose sum is the slope of the tyres' side forces; none if it is 0 throughout."""
     ends = [[element for element in vehicle.elements if element.part == "cornering"] for vehicle in (above, below)]
-    values = [[(*element.elongation.tolist(), element.damping) for element in end] for end in ends]
+    values = [[(*one.elongation.tolist(), one.damping, one.series_stiffness) for one in end] for end in ends]
     if values[0] == values[1]:
         return ()
     return tuple((sign / step, element) for sign, end in zip((1, -1), ends, strict=True) for element in end)

@@ -125,18 +125,15 @@ def rigid_layout(structure: Structure) -> RigidLayout:
     True
     """
     outputs = structure.outputs
-    matrices = (outputs.displacement, outputs.velocity, outputs.acceleration)
-    sizes = np.array([np.abs(matrix).sum(axis=1) for matrix in matrices])
-    orders = np.argmax(sizes, axis=0)
+    orders, motion = outputs.orders, outputs.motion
     directions = [channel.direction or (0.0, 0.0, 1.0) for channel in outputs.channels]
     upright = np.abs(np.reshape(directions, (-1, 3))[:, 2]) >= LIMITS.vertical
-    observed = np.flatnonzero((sizes.max(axis=0, initial=0.0) > 0) & (upright | (orders < 2)))
+    observed = np.flatnonzero(motion.any(axis=1) & (upright | (orders < 2)))
     if not observed.size:
         raise ParameterError(
             "no sensor observes a motion of the vehicle: add [[sensor]] tables with position and direction"
         )
-    orders = orders[observed]
-    T = np.sum(matrices, axis=0)[observed]
+    orders, T = orders[observed], motion[observed]
     weights = 1 / np.array(TYPICAL_NOISE)[orders]
     U, S, _ = np.linalg.svd(weights[:, None] * T, full_matrices=False)
     kept = U[:, S / S[0] > LIMITS.weakest]

@@ -27,7 +27,7 @@ class Terms:
     stiffness
         Dynamic stiffness of each element [N/m], shape (elements, grid).
     rolling
-        Dynamic stiffness of wheels that roll on rails, shape (grid, n, n).
+        Dynamic stiffness of wheels that roll on rails or of a body that turns on tyres, shape (grid, n, n).
     mass
         Mass matrix, in kg and kg m^2, shape (n, n).
     forces

@@ -241,8 +241,9 @@ def default_choices(
 
     Notes
     -----
-    From 0.4 times the lowest natural frequency to 1.7 times the highest wheel hop, at most 33 times the lower end (65
-    times on bogies) and 0.4 times the sampling rate; 7.5 periods of the slowest mode.
+    From 0.4 times the lowest natural frequency (of a body that sways, that of its upright motion) to 1.7 times the
+    highest wheel hop, at most 33 times the lower end (65 times on bogies) and 0.4 times the sampling rate; 7.5 periods
+    of the slowest mode.
     """
     hops = wheel_hop_frequencies(vehicle)
     if np.all(np.isnan(hops)):
@@ -251,7 +252,8 @@ def default_choices(
             "vehicle: state that of each axle"
         )
     own = nominal.modes()
-    is_upright = [label in ("bounce", "pitch") or not vehicle.sways_on_bogies for label in own.labels]
+    upright = ("bounce", "pitch") if vehicle.bogie else ("bounce", "pitch", "roll")
+    is_upright = [label in upright or "sway" not in nominal.coordinates for label in own.labels]
     slowest = float(own.natural_frequency[is_upright][0])
     low = DEFAULTS.below * slowest
     widest = DEFAULTS.widest_on_bogies if vehicle.bogie else DEFAULTS.widest

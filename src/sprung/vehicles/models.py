@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,6 +15,7 @@ from sprung._arrays import Real
 from sprung._checks import check_number, check_path, check_type, wrong_type
 from sprung.errors import FormatError, ParameterError
 from sprung.toml import checked, toml_fields
+from sprung.units import STANDARD_GRAVITY
 from sprung.vehicles.description import KINDS, Chain, Description, Quarter, Vehicle, corner_names
 from sprung.vehicles.lateral import rolling_on_rails, springs_across
 from sprung.vehicles.sections import Axle, FlexibleMode, MountedMass
@@ -267,8 +268,8 @@ class Rolling:
     speed: float = 15.0
     #: Speed of a standing vehicle, on which tyres are springs [m/s].
     creeping: float = 1e-3
-    #: Distance rolled until a side force has grown to all but 1/e [m].
-    relaxation_length: float = 0.35
+    #: Height of a hub where no rolling radius is stated [m].
+    radius: float = 0.32
     #: Time in which a driver returns to the lane at the usual speed [s]: without it the body could rest anywhere.
     lane_keeping: float = 10.0
 
@@ -424,16 +425,67 @@ def _vehicle(description: Vehicle, speed: float) -> Structure:
             forces[:, column] = body.row(axle.x, y)
     mass = np.diag(_masses(description))
     mass[1, 2] = mass[2, 1] = description.body.product_of_inertia
+    outputs = _outputs(description, elements, body.shapes)
+    rolling = rolling_on_rails(description, coordinates, speed=speed)[:2] if description.sways_on_bogies else None
+    if any(axle.cornering_stiffness is not None for axle in description.axle):  # a body that turns as it moves
+        elements.append(_leaning(description))
+        mass += _masses_aside(description)
+        rolling = _turning(coordinates, mass, speed)
+        outputs = _in_turning_body(outputs, coordinates, speed)
     return Structure(
         coordinates=coordinates,
         mass=mass,
         elements=tuple(elements),
         inputs=inputs,
         forces=forces,
-        outputs=_outputs(description, elements, body.shapes),
+        outputs=outputs,
         shapes=body.shapes,
-        rolling=rolling_on_rails(description, coordinates, speed=speed)[:2] if description.sways_on_bogies else None,
+        rolling=rolling,
     )
+
+
+def _hub(axle: Axle) -> float:
+    """Return the height of the hubs of an axle above the ground [m]."""
+    return axle.rolling_radius or ROLLING.radius
+
+
+def _masses_aside(description: Vehicle) -> Real:
+    """Return the mass matrix of wheels that move sideways with a body on tyres, at the height of their hubs."""
+    names, height = description.coordinates, description.body.height or 0.0
+    mass = np.zeros((len(names), len(names)))
+    for axle, unsprung in zip(description.axle, _unsprung_masses(description), strict=True):
+        moved = {"sway": 1.0, "yaw": axle.x, "roll": height - _hub(axle)}
+        row = np.array([moved.get(name, 0.0) for name in names])
+        mass += (2 * unsprung + (axle.wheelset_mass or 0.0)) * np.outer(row, row)
+    return mass
+
+
+def _turning(coordinates: Sequence[str], mass: Real, speed: float) -> tuple[Real, Real]:
+    """Return the damping and stiffness matrix of a body that turns as it moves, along whose own axes it sways.
+
+    A body with the yaw velocity r and the lateral velocity u along its own axes has the lateral acceleration u' + v r.
+
+    References
+    ----------
+    H. B. Pacejka, Tire and Vehicle Dynamics, 3rd edition, Butterworth-Heinemann, 2012, section 1.3.1.
+    """
+    damping = np.zeros_like(mass)
+    damping[:, coordinates.index("yaw")] = speed * mass[:, coordinates.index("sway")]
+    return damping, np.zeros_like(mass)
+
+
+def _in_turning_body(outputs: Outputs, coordinates: Sequence[str], speed: float) -> Outputs:
+    """Return the outputs with the reading v r of accelerometers that feel sway, in a body that turns."""
+    velocity = outputs.velocity.copy()
+    velocity[:, coordinates.index("yaw")] += speed * outputs.acceleration[:, coordinates.index("sway")]
+    return replace(outputs, velocity=velocity)
+
+
+def _leaning(description: Vehicle) -> Element:
+    """Return the weight of a body that leans as it rolls, on wheels that carry it at the height of their hubs."""
+    row = np.array([float(name == "roll") for name in description.coordinates])
+    lever = (description.body.height or 0.0) - float(np.mean([_hub(axle) for axle in description.axle]))
+    return Element("body", "weight", row, -STANDARD_GRAVITY * description.body.mass * lever)
 
 
 def modal_mass(description: Vehicle, mode: FlexibleMode) -> float:
@@ -663,7 +715,7 @@ def _side_force(body: _Body, description: Vehicle, left: _Corner, right: _Corner
     A slip angle is the lateral velocity of the contact patch over the speed v, so that a tyre of cornering stiffness C
     and relaxation length l is a damper C / v in series with a spring C / l; it stands on that spring alone. The patch
     moves with sway, yaw and roll of the body about the roll centre of the axle, and with the tilt of the line between
-    the wheels. The heading of a body in yaw, and the steering that follows it, are left out.
+    the wheels. The steering that follows a body in yaw is left out.
 
     References
     ----------
@@ -681,7 +733,7 @@ def _side_force(body: _Body, description: Vehicle, left: _Corner, right: _Corner
     elongation += np.array([moved.get(name, 0.0) for name in body.coordinates])
     both, owner = 2 * axle.cornering_stiffness, left.name.removesuffix("_left") + "_tyres"
     centring = both / (ROLLING.speed * ROLLING.lane_keeping)
-    bushing = both / ROLLING.relaxation_length
+    bushing = both / axle.relaxation_length
     yield Element(owner, "cornering", elongation, centring, both / speed, series_stiffness=bushing)
 
 

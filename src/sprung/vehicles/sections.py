@@ -178,10 +178,12 @@ class Axle(Section):
     rolling_radius
         Speed of the vehicle over the angular velocity of a wheel [m/rad], for sensors of the wheels' rotation.
     cornering_stiffness
-        Side force of a tyre over its slip angle [N/rad]; adds sway and yaw to the motions of the body. Default: tyres
-        leave the body free to move sideways, and it rolls about its centre of gravity.
+        Side force of a tyre over its slip angle [N/rad]; adds sway and yaw to the motions of the body, sway along its
+        own axes. Default: tyres leave the body free to move sideways, and it rolls about its centre of gravity.
     roll_centre_height
         Height above the ground of the point about which the body rolls on this axle [m], with cornering stiffness.
+    relaxation_length
+        Distance rolled until the side force of a tyre has grown to all but 1/e [m], with cornering stiffness.
     """
 
     x: Length
@@ -202,6 +204,7 @@ class Axle(Section):
     rolling_radius: Positive | None = None
     cornering_stiffness: Positive | None = None
     roll_centre_height: Length = 0.0
+    relaxation_length: Positive = 0.35
 
     @model_validator(mode="after")
     def _wheels_stand_on_tyres(self) -> "Axle":

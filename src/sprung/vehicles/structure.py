@@ -372,8 +372,8 @@ class Structure:
     shapes
         Shapes of the flexible modes of the body.
     rolling
-        Damping and stiffness matrix of wheels that roll on rails, not symmetric, shape (n, n) each; None: there are
-        none.
+        Damping and stiffness matrix that are not symmetric, of wheels that roll on rails or of a body that turns as it
+        moves on tyres, shape (n, n) each; None: there are none.
 
     Raises
     ------
@@ -423,7 +423,7 @@ class Structure:
         Notes
         -----
         With elongations e = D q - F u: K = D^T diag(k) D, C = D^T diag(c) D, B = forces + D^T diag(k) F; those of
-        rolling wheels are added to C and K. A damper with a bushing is not part of C but an arm of its own.
+        `rolling` are added to C and K. A damper with a bushing is not part of C but an arm of its own.
         """
         D, none = self.elongations, np.zeros_like(self.mass)
         rolling_damping, rolling_stiffness = self.rolling or (none, none)
@@ -453,7 +453,7 @@ class Structure:
         return np.asarray(-stiffness * (D @ at_rest), dtype=np.float64)
 
     def rolling_at(self, s: Complex | complex) -> Complex:
-        """Return the dynamic stiffness K + s C of rolling wheels at complex angular frequencies, shape (*s, n, n)."""
+        """Return the dynamic stiffness K + s C of `rolling` at complex angular frequencies, shape (*s, n, n)."""
         none = np.zeros_like(self.mass)
         damping, stiffness = self.rolling or (none, none)
         return np.asarray(stiffness + np.multiply.outer(s, damping), dtype=np.complex128)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sprung._arrays import Complex, Real
+from sprung._arrays import Complex, Indices, Real
 from sprung._checks import check_number, freeze, frozen_array
 from sprung.errors import ParameterError
 from sprung.modal import damping_ratio, natural_frequency, unit_shapes
@@ -97,7 +97,8 @@ class Outputs:
     channels
         Channel of each row of the matrices.
     acceleration, velocity, displacement
-        Matrices Ya, Yv and Yd, shape (channels, n); each sensor has its row in one of them and zeros in the others.
+        Matrices Ya, Yv and Yd, shape (channels, n); each sensor has its row in one of them, and an accelerometer shares
+        of its velocity and its angle in the others (of a body that turns, of gravity), else zeros.
     """
 
     channels: tuple[Channel, ...]
@@ -115,6 +116,18 @@ class Outputs:
     def names(self) -> tuple[str, ...]:
         """Names of the channels, in the order of the rows."""
         return tuple(channel.name for channel in self.channels)
+
+    @property
+    def orders(self) -> Indices:
+        """Order of the time derivative that each sensor measures, shape (channels,)."""
+        matrices = (self.displacement, self.velocity, self.acceleration)
+        return np.max([order * matrix.any(axis=1) for order, matrix in enumerate(matrices)], axis=0)
+
+    @property
+    def motion(self) -> Real:
+        """Reading of each sensor, differentiated to an acceleration, for that of each coordinate, (channels, n)."""
+        matrices = np.array((self.displacement, self.velocity, self.acceleration))
+        return np.asarray(matrices[self.orders, np.arange(len(self.channels))], dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
