@@ -124,8 +124,6 @@ def test_a_vehicle_at_another_speed_is_the_one_that_is_built_for_it(on_tyres) ->
     np.testing.assert_allclose(found, built, rtol=1e-12)
     turning = [vehicle.rolling for vehicle in vehicles if vehicle.rolling is not None]
     np.testing.assert_allclose(turning[0], turning[1], rtol=1e-12)
-    turning = [vehicle.rolling for vehicle in vehicles if vehicle.rolling is not None]
-    np.testing.assert_allclose(turning[0], turning[1], rtol=1e-12)
 
 
 def test_windows_at_other_speeds_share_the_derivatives_of_the_file(on_tyres, window_of_data, monkeypatch) -> None:
