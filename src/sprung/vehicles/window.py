@@ -198,7 +198,7 @@ def _implied(samples: Real, readings: Real) -> Real:
     is_known = np.isfinite(samples)
     samples = np.where(is_known, samples, np.nan)
     filled = samples.copy()
-    for known in np.unique(is_known, axis=1).T:
+    for known in np.unique(is_known[:, ~is_known.all(axis=0)], axis=1).T:
         weights = readings @ np.linalg.pinv(readings * known[:, None])
         is_implied = np.isclose(weights @ readings, readings).all(axis=1)
         at = (is_known == known[:, None]).all(axis=0)
